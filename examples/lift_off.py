@@ -107,7 +107,10 @@ def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
 def _concludes(
     results: xarray.Dataset, belongs: xarray.DataArray, detector: str, inside: np.ndarray, limit_m: float
 ) -> str:
-    """Return in words the median range offset of a detector in an interval, and the share of epochs with an alarm."""
+    """Return in words the results of a detector in an interval.
+
+    The results are the median range offset, the share of epochs nearer to the spoofer, and the share with an alarm.
+    """
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)

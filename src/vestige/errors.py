@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 1000  # largest number of characters of a message, which may quote long contents of a file
+LONGEST = 1000  # a message of more characters is shortened, because the message may quote long contents of a file
 
 
 class VestigeError(Exception):
     """Input (a file, a key, an option) is not usable. The message is one line for the user.
 
-    Errors in the program itself are `ValueError` or `AssertionError`, never `VestigeError`.
+    An error in the program itself raises another exception, such as `ValueError` or `AssertionError`.
 
     Parameters
     ----------

@@ -18,13 +18,13 @@ _NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # errors of networ
 def only_writer(folder: Path) -> Iterator[int]:
     """Hold the lock of a folder, and yield the file descriptor of the folder. The function creates a missing folder.
 
-    The lock belongs to the process, so the kernel always releases it at the end of the process. The lock writes nothing
-    into the folder. If the file system has no locks, the folder is used without a lock.
+    The kernel releases the lock at the latest when the process and its forked workers have ended, even after a crash.
+    The lock writes nothing into the folder. If the file system has no locks, the folder is used without a lock.
 
     Raises
     ------
     InputFileError
-        If another process holds the lock, or `folder` is a file.
+        If another writer holds the lock, or `folder` is a file.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -3,8 +3,8 @@
 numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
 ignores changes in modules whose functions are inlined. After an update of vestige, a kernel would silently use old
 inlined functions on tables of a new layout. Old machine code once made E1 tracking lose its satellites. numba
-recognises old code by a mark that is stored with the code. So this module computes the mark of a kernel from the files
-of all kernels. The mark consists of the time of the newest change and the total size of the files.
+recognises old code by a mark that is stored with the code. So this module computes the mark of a kernel from its own
+file and the files of all kernels. The mark consists of the time of the newest change and the total size of the files.
 """
 
 from __future__ import annotations

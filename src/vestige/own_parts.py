@@ -1,8 +1,9 @@
 """Load detectors, attacks, error models and checks that a user wrote as classes in modules of a folder.
 
 A scenario names a class of the user as `module:Name`. The module is imported only from a folder that the user named
-(`--parts FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a
-module. Every error in a class of the user becomes an `OwnPartError` with a message of one line.
+(`--parts FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a module
+from any other folder. An exception in a class of the user becomes an `OwnPartError` with a message of one line, unless
+the exception is already a `VestigeError`.
 
 The folder with the user's modules comes last in `sys.path`, so these modules never replace a module that vestige or a
 library imports. Worker processes have the `sys.path` of the main process, and import the classes of received objects by
@@ -89,8 +90,8 @@ def part(kind: str, base: type) -> Any:
     Raises
     ------
     OwnPartError
-        If no folder was named, if module or class do not exist, if the module cannot be imported, or if the class lacks
-        a member.
+        If no folder was named, if module or class do not exist, if the module cannot be imported, or if the class does
+        not satisfy `base`.
     """
     match = _KIND.fullmatch(kind)
     if match is None:

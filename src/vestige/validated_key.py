@@ -26,7 +26,7 @@ class ValidatedKey:
         raise TypeError(f"only {_ROOM}.validate makes a ValidatedKey")
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse every subclass except the one in `vestige.crypto.osnma.messages.tesla`."""
+        """Refuse every subclass except the first subclass in `vestige.crypto.osnma.messages.tesla`."""
         if cls.__module__ != _ROOM or _KINDS:
             raise TypeError(f"only {_ROOM} may derive from ValidatedKey")
         super().__init_subclass__(**options)

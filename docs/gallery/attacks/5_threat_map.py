@@ -3,7 +3,7 @@ A row of the threat table
 =========================
 
 Use this example to measure an attack against each mitigation level in a script. The command
-``vestige threats --only A3 --quick`` makes the same measurement.
+``vestige threats --only A3 --seeds 2`` makes the same measurement.
 """
 
 # %%

@@ -3,7 +3,7 @@ Early and maximum detector under multipath
 ==========================================
 
 Use this example to see the effect of reflections on the range that each detector measures. A reflection arrives later
-than the direct signal, so it can only make a range longer.
+than the direct signal, so a detector that takes the reflection for the signal measures a range that is too long.
 """
 
 # %%

@@ -33,8 +33,8 @@ print(f"{len(segment.cipher)} bytes, key of {segment.key_time}")
 
 # %%
 # **1. The AES key** is the SHA-256 of the OSNMA key. **2. The initialization vector** is the first 16 bytes of
-# the SHA-256 of the time of the key's subframe and the random offset. **3. AES-256 in CBC mode** gives the chips as
-# bits. The bit 0 is the chip +1.
+# the SHA-256 of the time of the key's subframe, the random offset and 11 zero bytes. **3. AES-256 in CBC mode** gives
+# the chips as bits. The bit 0 is the chip +1.
 wrapped = hashlib.sha256(secret).digest()
 word = (segment.key_time.week % 4096) << 20 | segment.key_time.second
 vector = hashlib.sha256(word.to_bytes(4, "big") + bytes([segment.random_offset]) + bytes(11)).digest()[:16]

@@ -44,7 +44,7 @@ print("received key:", hashed_down(received)[-1] == root)
 print("forged key:  ", hashed_down(forged)[-1] == root)
 
 # %%
-# After one hash, half of all bits differ. A forged key with a single wrong bit fails like any other forged key.
+# After one hash, about half of all bits differ. A forged key with a single wrong bit fails like any other forged key.
 true_keys, forged_keys = (np.array([list(key) for key in hashed_down(one)], np.uint8) for one in (received, forged))
 differ = np.unpackbits(true_keys ^ forged_keys, axis=1)
 figure, axes = plt.subplots(layout="constrained")

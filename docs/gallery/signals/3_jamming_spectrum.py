@@ -2,8 +2,8 @@
 Spectrum of four jammers
 ========================
 
-Use this example to recognise a jammer in the spectrum of a recording. Each waveform is added to white noise with 20 dB
-more power than the noise has.
+Use this example to recognise a jammer in the spectrum of a recording. Each waveform has 20 dB
+more power than the white noise to which it is added.
 """
 
 # %%

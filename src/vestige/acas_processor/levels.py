@@ -18,10 +18,11 @@ satellite or the whole receiver), and the times of the tests.
 Failures of different checks prove an attack with different certainty. A second signal, or an E6 range that differs from
 E1, gives SPOOFED, because such signals do not come from the satellite. A missing E6 signal gives NOT_DETECTED. A
 failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every
-other satellite is SUSPECT too, because a meaconer repeats the whole band. The repeated signal of a weak satellite may
-hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither for
-nor against an attack. If no check failed and step 1 was not run, the status is NOT_AVAILABLE. If no check failed, the
-reason of the verdict names the checks that were not run. Between two RECS only the checks that need no RECS are run.
+other satellite is at least SUSPECT, because a meaconer repeats the whole band. The repeated signal of a weak satellite
+may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither
+for nor against an attack. If no check failed and step 1 was not run, the status is NOT_AVAILABLE. If no check failed,
+the reason of the verdict names the checks that were not run. Between two RECS only the checks that need no RECS are
+run.
 
 A row of the table contains all properties of a check that the processor needs. Three of these properties are the
 function that makes the check from the settings, the use of reference levels, and the false-alarm probability. A new

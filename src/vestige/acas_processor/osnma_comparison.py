@@ -27,8 +27,8 @@ def compare_osnma(
 ) -> OsnmaBlock:
     """Return the comparison of the received subframes with the subframes of the second channel.
 
-    All subframes that begin after `since`, up to and including `until`, are compared. `svids` has at least one
-    satellite.
+    The compared subframes begin after `since` and not after `until`, and have a validated key in the second channel.
+    `svids` has at least one satellite.
 
     All satellites send the same key in a subframe, so the key counts once, in the first column. If a different key was
     received beside the right key, the different key counts in the last column. A right key that was not validated

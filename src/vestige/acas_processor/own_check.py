@@ -9,7 +9,7 @@ for vestige's own checks:
 * `confirm` is the number of tests in a row that must fail (default 1);
 * `cadence` says when a test is made (default: every observation).
 
-A user's check has its own `p_fa` and no share of the level's budget.
+A user's check has its own `p_fa`, and no share of the level's budget of false alarms.
 
 The result of an epoch may depend on the evidence of this epoch, and on the memory of the check from earlier epochs. A
 check with memory has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the
@@ -147,7 +147,8 @@ class OwnCheck:
         """Return statistic and threshold of the check for every epoch of a block.
 
         `OwnPartError` is raised if the check raises an exception, or returns anything other than a `CheckSeries` with
-        the name of the check and the shape of the block.
+        the name of the check. The error is also raised if statistic or threshold is not a float64 array of the right
+        shape. The shape is [n] for a check of the receiver, and [n, m] otherwise, for n epochs and m satellites.
         """
         with blamed_on_own_parts():
             found = self.check.series(_offered(evidence, self.kind))

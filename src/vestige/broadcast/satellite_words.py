@@ -193,5 +193,5 @@ class SatelliteWords:
 
 @lru_cache(maxsize=1024)
 def _fitted(ephemeris: Ephemeris, subframe: GalileoTime) -> ReducedCed | None:
-    """Return the reduced CED of a subframe; the cache serves other messages of the same sky."""
+    """Return the reduced CED of a subframe; the result is cached for all messages with this ephemeris."""
     return ReducedCed.from_ephemeris(ephemeris, subframe)

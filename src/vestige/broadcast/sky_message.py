@@ -89,7 +89,7 @@ class SkyMessage:
     def symbols(self, svid: int, reference: GalileoTime) -> Symbols:
         """Return a function that gives the symbols of a satellite as ±1 by their number; logic 0 is +1.
 
-        The function raises `VestigeError` for a symbol that is not in the message.
+        The returned function raises `VestigeError` for a symbol that is not in the message.
 
         Parameters
         ----------
@@ -125,8 +125,9 @@ class SkyMessage:
     def forged(self, seed: int) -> SkyMessage:
         """Return the message of an attacker, with the attacker's words, and with tags and keys that are not valid.
 
-        In all words the offset af0 of every satellite clock is 2⁻²⁰ s too large (0.95 µs, 286 m). The attacker repeats
-        the public HKROOT bytes. The attacker cannot know the keys, so the MACK bits are random.
+        In the ephemeris words, the FEC2 words and the reduced CED, the offset af0 of every satellite clock is 2⁻²⁰ s
+        too large (0.95 µs, 286 m). The almanac is not changed. The attacker repeats the public HKROOT bytes. The
+        attacker cannot know the keys, so the MACK bits are random.
 
         Parameters
         ----------

@@ -85,7 +85,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
+        """Epochs with an alarm of any satellite that are the first epoch or follow an epoch without alarms."""
         return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
@@ -125,7 +125,7 @@ def level_verdicts(
 
 
 def alarm_begins(state: Int8[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
-    """Return the epochs in which an alarm of any satellite begins after an epoch without alarms."""
+    """Return the epochs with an alarm of any satellite that are the first epoch or follow an epoch without alarms."""
     stands = np.any(is_alarm(state), axis=1)
     return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
 
@@ -183,7 +183,8 @@ def judged_between_recs(results: xarray.Dataset) -> bool:
 def highest_level(results: xarray.Dataset) -> int:
     """Return the highest mitigation level for which verdicts can be made from results.
 
-    The result is the level of the scenario if the results have columns for user's checks but no E1 correlators.
+    The results must have E1 correlators or columns for user's checks. Without E1 correlators, the result is the level
+    of the scenario.
     """
     of_own_checks = "e1_taps" not in results and set(OWN_CHECK_COLUMNS) <= set(results.data_vars)
     return scenario_of(results).processor.level if of_own_checks else max(LEVELS)

@@ -20,8 +20,8 @@ The report gives two times and an error:
     time to mitigate    from the attack's first epoch to the epoch from which on `SHARE` of the detections are TRUE
     worst range         largest error of a range in use (`range_errors.py`)
 
-No function has side effects. All functions take results as the campaign stores them. Without an attack every detection
-is TRUE.
+No function has side effects. An argument `results` contains results as the campaign stores them. Without an attack
+every detection is TRUE.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def classify(
     """Return the `DetectedSignal` of every epoch.
 
     `range_offset_m` is NaN where nothing was detected. `prediction_error_m` is the delay of the line of sight after its
-    prediction. Two signals closer than `resolution_m` make one peak; a signal of at most `FLOOR_DB` does not count.
+    prediction. Two signals closer than `resolution_m` make one peak. A spoofing signal of at most `FLOOR_DB` does not
+    count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > FLOOR_DB

@@ -9,7 +9,8 @@ use is therefore the largest error that the attack caused since the previous REC
 several signals is in use instead, the error of this range counts.
 
 **RECS that count.** All RECS from the first start of an attack to the last stop count. The first RECS after the stop
-also counts, because its verdict concerns the last part of the attack. Without an attack every RECS counts.
+also counts if an epoch since the previous RECS was attacked, because the verdict of this RECS concerns that epoch, too.
+Without an attack every RECS counts.
 
 `vestige run`, the page of a run, sweeps and the threat table give the largest error as `worst_range_m`.
 """

@@ -1,9 +1,9 @@
 """Write E1 observations of a simulated receiver as RINEX files, which other receiver software can read.
 
-The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations belong to
-the tracked signal. Under attack, the tracked signal may be a spoofing signal. The files have no carrier phase, because
-the results contain no carrier phase. The navigation file has the orbits and clocks of the run, with a new issue of the
-ephemerides every 2 h.
+The observation file has pseudorange, Doppler and C/N0 of E1-C at every epoch with a tracked satellite, on the
+receiver's clock. The observations belong to the tracked signal. Under attack, the tracked signal may be a spoofing
+signal. The observation file has no carrier phase, because results contain a carrier phase only if the scenario has
+user's checks. The navigation file has the orbits and clocks of the run, with a new issue of the ephemerides every 2 h.
 
 If the scenario has no table `[atmosphere]`, pseudoranges contain the residual of the ionosphere, but no troposphere.
 The settings of `rnx2rtkp` [RTKLIB] therefore apply no corrections, and use RAIM with exclusion of one satellite. If the

@@ -1,8 +1,9 @@
 """Run a plan: workers measure chunks of epochs, and a store keeps the results. A run may be interrupted at any time.
 
 The coordinator (this process) runs through the epochs in order, sends each chunk's inputs to a worker, and takes the
-results back in order. For each worker, at most `IN_FLIGHT` chunks are sent and not yet written. Memory therefore does
-not grow with the length of the run. The results have the same bits with any worker and any timing.
+results back in order. At most `IN_FLIGHT` chunks for each worker, and one more chunk, are sent and not yet written.
+Memory therefore does not grow with the length of the run. The results have the same bits with any number of workers and
+any timing.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def run(
     Parameters
     ----------
     store
-        Folder, which is made if it does not exist. Stored results of the same work are kept.
+        Folder, which is made if it does not exist. Stored results of this plan are kept.
     workers
         Number of threads or processes to start. For your own executor, give the number of calls that the executor runs
         at the same time.
@@ -85,8 +86,8 @@ def run(
         Function that is called at the beginning and after each chunk.
     enough
         Function that is called with the columns of each chunk in order, including stored chunks. The results end with
-        the first chunk for which the function returns true, and later chunks are not measured. The store stays
-        unfinished; a later call may continue it.
+        the first chunk for which the function returns true, and later chunks are not measured. If the store then lacks
+        chunks, the store stays unfinished, and a later call may continue the run.
 
     Raises
     ------
@@ -97,8 +98,9 @@ def run(
         If workers are lost, have another source code of vestige, or have another kind of CPU and the bits depend on the
         CPU.
     KeyboardInterrupt
-        If the user presses Ctrl-C. This exception, like every other exception, has a note (`__notes__`) with the number
-        of stored epochs. The same call continues the run.
+        If the user presses Ctrl-C. While chunks are measured, this exception has a note (`__notes__`) with the number
+        of stored epochs. Other exceptions then have the same note, or have the number in their text. The same call
+        continues the run.
     """
     # A new store replaces an empty folder. The lock prevents the replacement while another process may write into the
     # folder.
@@ -169,7 +171,7 @@ def measure_chunks(
     chunk_epochs: int = CHUNK_EPOCHS,
     skip: Collection[int] = (),
 ) -> Generator[tuple[int, Columns]]:
-    """Yield number and results of each chunk, in order, with any number of workers.
+    """Yield number and results of each chunk that is not in `skip`, in order, with any number of workers.
 
     A caller that needs no more chunks closes this iterator. The yielded chunks do not depend on the number of workers.
     """

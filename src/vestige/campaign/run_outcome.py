@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
-`levels.py` gives the verdicts and the ranges in use. For every range in use, `levels.py` also gives the largest error
-that the attack caused since the previous RECS. The first RECS after the stop counts as well, because the verdict of
-this RECS concerns the last part of the attack. An error is *harmful* if the error exceeds twice the limit of the range
-check, 2κσ. The noise of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
+`levels.py` gives the verdicts, the ranges in use, and the error of each range in use (`range_errors.py`). The first
+RECS after the stop counts as well if an epoch since the previous RECS was attacked, because the verdict of this RECS
+concerns that epoch, too. An error is *harmful* if the error exceeds twice the limit of the range check, 2κσ. The noise
+of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a range with a harmful error was in use at any time
@@ -74,7 +74,7 @@ class OutcomeCounts:
 class RunOutcome(OutcomeCounts):
     """Outcome of one run at one level."""
 
-    # outcomes as defined in the docstring of this module; without an attack only `detected` can be true, by chance
+    # outcomes as defined in the docstring of this module; without an attack `detected` means a false alarm
     detected: bool
     mitigated: bool
     protected: bool
@@ -93,7 +93,7 @@ class RunOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """Outcome of the run in one or two words."""
+        """Outcome of the run in at most four words."""
         return outcome_word(self.detected, self.mitigated, self.missed, self.denied)
 
 
@@ -114,11 +114,11 @@ class JudgedRun(Protocol):
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Largest error of the range in use by the attack since the previous RECS; NaN if no range is in use."""
+        """Error of the range in use in m, as in `range_errors_m`; NaN if no range is in use."""
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
+        """Epochs with an alarm of any satellite that are the first epoch or follow an epoch without alarms."""
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
@@ -209,7 +209,7 @@ def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tu
 
 
 def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
-    """Return the outcome of an attack in one or two words."""
+    """Return the outcome of an attack in at most four words."""
     if mitigated and (detected or missed):
         return "mitigated late" if missed else "mitigated"
     if missed:

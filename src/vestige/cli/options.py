@@ -59,15 +59,15 @@ def choice_option(name: str, choices: Sequence[str], **attributes: Any) -> Calla
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
-    """Type of an option whose value is the width of an interval, such as `0.01`, or `20%` of the estimate.
+    """Type of an option whose value is the width of an interval: a number such as `0.01` or a percentage such as `20%`.
 
-    The option has two values: the width, and whether the width is relative to the estimate.
+    The option has two values: the width, and whether the width is relative (`Width.relative` in `sweep.py`).
     """
 
     name = "width"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, bool]:
-        """Return the width, and whether the width is relative to the estimate."""
+        """Return the width, and whether the width is relative (`Width.relative` in `sweep.py`)."""
         if isinstance(value, tuple):
             return value
         text = str(value).strip()

@@ -1,4 +1,4 @@
-"""Show the progress of long work on stderr: a bar on a terminal, otherwise a line for each step and each half minute.
+"""Show the progress of long work on stderr: a bar on a terminal, otherwise lines of text.
 
 With `--quiet` no progress is printed. With `-v` the time that each step took is printed.
 """

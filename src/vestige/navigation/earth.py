@@ -47,7 +47,8 @@ def geodetic_from_ecef(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return geodetic latitude and longitude in rad and height in m of ECEF positions, by Bowring's iteration.
 
-    The iteration is valid from 100 km above the Earth's centre on. Latitude and height are exact at the poles too.
+    The iteration is valid at distances of 100 km and more from the Earth's centre. Latitude and height are exact at the
+    poles too.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ receiver, s is the position of the satellite, and τ is the travel time:
     ρ̈ = [ (|ḋ|² − ρ̇²)/ρ + u·(r̈ − s̈ (1 − τ̇)²) ] / (1 − u·ṡ/c),   ḋ = ṙ − ṡ(1 − τ̇)
 
 The satellite's state at t − τ is in the ECEF axes of the time t − τ. The Earth, with the rotation rate ω_E, rotates by
-ω_E τ until reception (Sagnac effect, up to about 40 m).
+ω_E τ until reception (Sagnac effect, up to about 45 m of range).
 """
 
 from __future__ import annotations

@@ -217,7 +217,7 @@ def _position_and_clock(
 def velocity_fix(
     sent: Transmission, fix: Fix, range_rate_mps: Float[np.ndarray, "n m"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Return the receiver's ECEF velocity and c times its clock's drift, both in m/s; NaN without a fix.
+    """Return the receiver's ECEF velocity and c times its clock's drift, both in m/s; NaN without a solution.
 
     Parameters
     ----------
@@ -343,8 +343,8 @@ def _covariance(
 
 
 def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
-    # A travel time without Earth rotation has an error of up to 0.1 µs. A Sagnac correction with such a travel time has
-    # an error of 0.3 mm.
+    # A travel time without Earth rotation has an error of up to 0.15 µs. A Sagnac correction with such a travel time
+    # has an error of 0.3 mm.
     apart = sent_m - receiver_m[:, None]
     flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
     apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]

@@ -1,8 +1,8 @@
 """Draw figures of campaigns, sweeps, searches and checks.
 
-A function that draws a figure returns the axes of the figure. Most of these functions take the results of a campaign.
-The functions compute only what the figure shows in addition to the results, such as bins, counts and confidence
-intervals.
+A function that draws a figure returns the axes of the figure, or one of the axes if the figure has several. Most of
+these functions take the results of a campaign. The functions compute only what the figure shows in addition to the
+results, such as bins, counts and confidence intervals.
 
 The arguments `detector` and `svid` choose a detector and a satellite. If `svid` is None, the results must have only one
 satellite. A figure is drawn on the axes `ax`, by default on new axes.

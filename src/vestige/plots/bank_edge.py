@@ -17,8 +17,8 @@ EDGE_LABEL = "edge of the bank"
 LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 _EDGE_LINE: dict[str, Any] = {"color": GREY, "linestyle": (0, (7, 3)), "linewidth": 0.9, "zorder": 1.5}
 # A detector chooses a tap that is at least one detector spacing inside the edge. The range offset lies at most half a
-# detector spacing from the chosen tap. So range offsets end half a tap inside the edge for a detector spacing of 1 tap,
-# and 1 tap inside the edge for a detector spacing of 2 taps.
+# detector spacing from the chosen tap. So range offsets end half a tap inside the edge for a detector spacing of 1 tap.
+# For a detector spacing of 2 taps, range offsets end 1 tap inside the edge.
 _NEAR_TAPS = 1.0
 
 

@@ -27,7 +27,7 @@ from vestige.plots.figure import (
 MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude, below the phase
 _BELOW = 0.06  # free space below the flags, as a share of the space for flags and magnitude
 _DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
-_FLAG_PT = 2.5  # size of the flags, so that a single miss in a long run is visible
+_FLAG_PT = 2.5  # size of the flags, so that a single miss in a long campaign is visible
 _CURVE_EPOCHS = 20_000  # largest number of epochs that are drawn as a curve; more epochs are drawn as dots
 
 

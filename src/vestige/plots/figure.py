@@ -1,8 +1,8 @@
 """Set the common style of all figures, which is size, letters, colours and file formats.
 
 Most figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. Each figure has
-its own `Figure` on the Agg canvas. Drawing needs no window, no shared state and no change of global settings. Artists
-with a point for each epoch are drawn as pixels even in a PDF or SVG.
+its own `Figure`, which is made without `pyplot`. Drawing needs no window, no shared state and no change of global
+settings. Most artists with a point for each epoch are drawn as pixels even in a PDF or SVG.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def legend(ax: Axes, place: str = "best", columns: int = 1) -> None:
 
 
 def typeset(number: float) -> str:
-    """Return a number as text for Matplotlib, with a power of ten in place of an exponent such as 1e-7."""
+    """Return a number as text for Matplotlib, with a power of ten in place of a notation such as 1e-7."""
     digits, _, exponent = f"{number:g}".partition("e")
     if not exponent:
         return digits
@@ -101,7 +101,7 @@ def dot_size_pt(n: int) -> float:
 
 
 def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
-    """Return the label of a time axis in s, or in 1000 s if the numbers of a long run would overlap."""
+    """Return the label of a time axis in s, or in 1000 s if the numbers of a long campaign would overlap."""
     if np.max(time_s, initial=0.0) < _LONG_S:
         return "time (s)"
     axis.set_major_formatter(lambda at_s, _: f"{at_s / 1000:g}")

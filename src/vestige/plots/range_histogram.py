@@ -73,9 +73,10 @@ def range_histogram(
         Width of a bin in m. The width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
-        at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m of the cluster.
+        at −22.5 m for taps of 15 m. The mark gives the number of epochs within 0.3 taps of the cluster, 4.5 m for taps
+        of 15 m.
     right_flank
-        Law to draw over the right flank, which is a straight line in log scale. If the value is a number, a law is
+        Law to draw over the right flank. The law is a straight line in log scale. If the value is a number, a law is
         fitted to the offsets beyond this number in m.
     limit_m
         Largest range offset in m that passes the range check. Dashed lines mark plus and minus this limit.

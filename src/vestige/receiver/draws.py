@@ -1,4 +1,4 @@
-"""Draw random numbers in blocks of epochs, so that the numbers of an epoch do not depend on the chunks."""
+"""Draw random numbers in blocks of epochs, so that the numbers do not depend on the division of a run into chunks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulate one satellite of a receiver: the truth, the keys, and E6 of the RECS at either fidelity [WFO, Sec. V].
+"""Simulate one satellite of a receiver: the truth, the keys, and the RECS on E6 at either fidelity [WFO, Sec. V].
 
 P is the pseudorange from geometry and receiver clock, which both bands have in common. P1 and P6 are the ranges on E1
 and E6:
@@ -91,7 +91,8 @@ class Simulation:
     clock_offset_s: float = 0.0
     svid: int = SVID
     osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # events of the OSNMA operator and its keys
-    # effects of the elevation on a satellite of a sky, whose random numbers depend on the SVID; None without a sky
+    # effects of the elevation on a satellite of a sky; None without a sky. Under a sky the satellite's random numbers
+    # depend on the SVID.
     elevation: ElevationEffects | None = None
     # time in s between the epochs of `truth` if some epochs have no RECS; None if every epoch has a RECS
     truth_interval_s: float | None = None
@@ -192,7 +193,7 @@ class Simulation:
         return arrival(self.line_of_sight, truth)
 
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
-        """Return the time of the last sample of each RECS in s after the start, on a clock that no attacker can shift.
+        """Return the end of the samples of each RECS in s after the start, on a clock that no attacker can shift.
 
         The clock may have the constant error `clock_offset_s`. If the time tag of a RECS is later than the time on this
         clock, the time tag is returned.

@@ -30,7 +30,7 @@ from vestige.receiver.sky.elevation import SatelliteGeometry, SatelliteMotion, s
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-KEPT_EPOCHS = 1000  # largest number of epochs of a block in the cache, 200 kB with three reflections
+KEPT_EPOCHS = 1000  # largest number of epochs of a block in the cache, 270 kB with three reflections
 _KEPT_BLOCKS = 128  # number of blocks in the cache, enough for eight satellites, six seeds and two kinds of receiver
 
 

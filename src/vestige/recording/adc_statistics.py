@@ -4,8 +4,8 @@ The numbers describe the stored components (the real samples, or I and Q togethe
 front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
 and hardly any sample at the outermost values, unless the front end clips. The spectral centre is the centre of the
 front end's pass band, as a radio frequency. The spectral centre is the mean frequency, weighted with the power above
-the flat floor. Outside the pass band, the noise of quantisation causes the flat floor. For real samples only the half
-of the spectrum with the band's carrier is used.
+twice the flat floor. Outside the pass band, the noise of quantisation causes the flat floor. For real samples only the
+half of the spectrum with the band's carrier is used.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ class AdcStatistics:
     outermost: float  # largest magnitude of a component
     # fraction of the components with the magnitude `outermost`; with many distinct values, these components are clipped
     outermost_fraction: float
-    # centre of the pass band as a radio frequency in Hz; None if there are too few samples, or all samples are equal
+    # centre of the pass band as a radio frequency in Hz; None if there are too few samples, or if no part of the
+    # spectrum exceeds twice the flat floor
     spectral_center_hz: float | None
 
 
@@ -69,6 +70,6 @@ def _spectral_center(reader: SampleReader, samples: Complex64[np.ndarray, " n_sa
         upper = CARRIER_HZ[file.band] >= file.center_frequency_hz
         half = (frequency >= file.center_frequency_hz) == upper
         power, frequency = power[half], frequency[half]
-    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # the floor fluctuates by less than twice its level
+    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # the floor stays below twice its level
     total = float(above.sum())
     return float((above * frequency).sum() / total) if total > 0 else None

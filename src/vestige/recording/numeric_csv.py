@@ -30,7 +30,7 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
     `columns` gives the smallest and the largest value of each column, in the order of the file.
 
     The function raises `InputFileError` if the header differs, a row has another length, a value is not a number within
-    its limits, or the first column does not rise.
+    its limits, the first column does not rise, or the number of rows is below 2 or above `MOST_ROWS`.
     """
     lines = numbered_lines(path)
     check_header(path, next(lines, (1, ""))[1], columns)

@@ -1,6 +1,8 @@
 """Make blocks of one epoch for the processor, from a snapshot of a recording or from E1 tracking between snapshots.
 
-A block includes the data of the second OSNMA channel and of the inertial sensors since the previous block.
+If the receiver has a second OSNMA channel, a block includes the comparison of the OSNMA data since the previous block
+with this channel. If the receiver has inertial sensors, a block includes their velocity increments since the previous
+block.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from vestige.records.snapshot_block import OBSERVED, E1Block, FrontEndBlock, Sna
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 
-OSNMA_SUBFRAMES = 20  # number of subframes whose keys are compared at the first block: the 10 minutes before this block
+OSNMA_SUBFRAMES = 20  # number of subframes that are compared at the first block: the 10 minutes before this block
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +86,11 @@ def tracked_block(
 
 
 def with_correlators(block: SnapshotBlock, epoch: ObservationEpoch) -> SnapshotBlock:
-    """Return a block of one epoch with the E1 correlators and the E1 power that were tracked at `epoch`."""
+    """Return a block of one epoch with the E1 correlators that were tracked at `epoch`.
+
+    The E1 power of `epoch` is added if the block has no E1 power. If `epoch` has no correlators, the block is returned
+    without a change.
+    """
     if not epoch.tap_chips:
         return block
     nothing = np.full(len(epoch.tap_chips), np.nan + 0j)

@@ -42,7 +42,8 @@ class Recording:
     description
         Description of the samples; `time_uncertainty_s` is infinite if the recording states no time uncertainty.
     e1, e6
-        Readers of the samples of each band, or None. Sample numbers refer to the counter that both bands share.
+        Reader of the samples of each band; None if the band was not recorded. Sample numbers refer to the counter that
+        both bands share.
     observations
         The file of E1 observations, or None.
     """
@@ -87,10 +88,10 @@ class Recording:
 def find_recording(path: Path) -> Path | None:
     """Return the path of the description of the recording at `path`, or None without a description.
 
-    If several files together describe the recording, the path of their folder is returned.
+    If a folder has `.sigmf-meta` files, but no `recording.toml` and no collection, the path of the folder is returned.
 
-    The function raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no
-    SigMF. The function raises `UnsupportedError` for a SigMF archive.
+    The function raises `InputFileError` if a folder without `recording.toml` has more than one collection, or more than
+    one `.sdrx` file and no SigMF. The function raises `UnsupportedError` for a SigMF archive.
     """
     if path.is_file():
         if path.suffix == DATA:
@@ -180,7 +181,7 @@ def unread_observations(description: RecordingDescription) -> tuple[InputFileErr
 def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Recording:
     """Return the recording at `path`, ready to be processed.
 
-    Samples are not read yet, so a recording may be larger than memory.
+    Samples are read only when they are requested, so a recording may be larger than memory.
 
     Parameters
     ----------

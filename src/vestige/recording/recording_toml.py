@@ -140,7 +140,7 @@ def _table(path: Path) -> _RecordingTable:
     try:
         return _RecordingTable.model_validate(content)
     except ValidationError as error:
-        # A misspelt key gives two errors, unknown and missing; the message names the unknown key.
+        # A misspelt key may give two errors, unknown and missing; the message names the unknown key.
         first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
         found, expected = first["input"], first["msg"]
         if first["type"] == "missing":

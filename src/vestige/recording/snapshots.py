@@ -1,9 +1,10 @@
 """Make snapshots from a recording, one for each time of transmission of RECS in the E6 samples.
 
-A snapshot is made for every time of transmission whose RECS can arrive during the E6 samples. The E6 samples of a
-snapshot begin 1 ms before the first RECS arrives, and end 1 ms after the last RECS has arrived. The observations come
-from the observation file, from tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples
-are read, so a recording may be far larger than memory.
+A snapshot is made for every time of transmission whose RECS can arrive during the E6 samples. The E1 pseudoranges give
+the arrival of each RECS. The E6 samples of a snapshot begin 1 ms before the first RECS arrives, and end 1 ms after the
+last RECS has arrived, if the recording has these samples. The observations come from the observation file, from
+tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples are read, so a recording may be
+far larger than memory.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot, and a block for each whole second of E1 tracking.
+        """Yield a block for each snapshot, and for each other whole second at which E1 tracking has observations.
 
         The blocks of E1 tracking are made only if `tracked` is given and `searchable` is true. The checks of level 1 do
         not use E1 between two RECS.

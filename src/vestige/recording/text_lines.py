@@ -20,8 +20,8 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
     Each byte becomes one character, so columns count bytes.
 
     The function raises `InputFileError` if the file cannot be read, if a line is longer than `LONGEST_LINE`, or if the
-    last line has no line end. A file without a last line end was cut off, so the last number in the file may lack
-    digits.
+    last line has no line end. A file without a last line end may have been cut off, so the last number in the
+    file may lack digits.
     """
     with open_file(path) as stream:
         try:

@@ -1,8 +1,8 @@
 """Define the records that the parts of vestige exchange.
 
 Records are frozen dataclasses with keyword arguments, and the names of attributes contain the units. By convention, a
-**positive offset means a later arrival**. The processor receives only `Snapshot` and `Assistance`, so the processor
-cannot tell a simulation from a recording.
+**positive offset means a later arrival**. The processor receives only snapshots (as a `SnapshotBlock`) and
+assistance, so the processor cannot tell a simulation from a recording.
 """
 
 from __future__ import annotations
@@ -365,7 +365,7 @@ class Assistance:
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS that the satellites of a block sent, each with its key."""
+        """Return the RECS that the satellites of a block sent, each with its key if the key is known."""
         from vestige.records.recs_block import find_recs  # noqa: PLC0415  (`recs_block` needs this module)
 
         return find_recs(snapshots, self)

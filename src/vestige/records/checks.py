@@ -128,5 +128,5 @@ class AlarmShare:
 
     @property
     def confirmed_p_fa(self) -> float:
-        """Probability that `confirm` tests in a row fail without an attack."""
+        """Probability that `confirm` independent tests in a row fail without an attack."""
         return self.p_fa**self.confirm

@@ -1,4 +1,4 @@
-"""Find the RECS of each satellite and epoch of a block, and the key of each RECS."""
+"""Find the RECS of each satellite and epoch of a block, and the key of each RECS if the key is known."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class AssistanceData(Corrections, Protocol):
     """Data that the processor gets in addition to snapshots: `Assistance`, or the data of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS that the satellites of a block sent, each with its key."""
+        """Return the RECS that the satellites of a block sent, each with its key if the key is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -103,7 +103,7 @@ class Handovers(Protocol):
     """Source of the hand-overs of a block; the chips of a hand-over are decrypted when the hand-over is requested."""
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
-        """Return the hand-over of one satellite at one epoch; None if the RECS may end after the key's disclosure."""
+        """Return the hand-over of one satellite at one epoch; None if its samples may end after the disclosure."""
 
 
 @runtime_checkable
@@ -123,7 +123,7 @@ class SearchBlock:
     signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
     carrying: Float[np.ndarray, "k m"]  # number of signals that carry the encrypted chips
     # Offset of the earliest of several signals from the E1 prediction in m, positive if later. The offset is NaN for a
-    # single signal, or if the chips may have been known when the earliest signal arrived.
+    # single signal, or if the chips may have been public when the earliest signal arrived.
     earliest_m: Float[np.ndarray, "k m"]
     not_run: Int8[np.ndarray, "k m"]  # 0 where the search was run, else 1 + the index in `SEARCH_NOT_RUN`
 

@@ -88,7 +88,7 @@ class Verdict:
     Attributes
     ----------
     index
-        Number of the snapshot, from 0.
+        Running number of the epoch in its source, from 0. Epochs of E1 tracking between two RECS also have numbers.
     time
         Time of reception of the RECS on the receiver's clock. If the message on E1 or the RECS in the samples gives the
         error of the time tag, `vestige process` and `vestige live` write the time without this error.

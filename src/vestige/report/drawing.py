@@ -1,4 +1,4 @@
-"""Reduce many epochs to a drawing of some kilobytes.
+"""Reduce many epochs to a drawing of limited size.
 
 The module has two methods, and the page states the method that was used. *Stretches* are groups of consecutive epochs
 that are drawn with a common value: a mean, a largest value, or the statuses that occurred. Every epoch of a stretch

@@ -1,7 +1,7 @@
 """Make HTML from untrusted text; everything but `Html` is escaped.
 
-Scenarios, stores and tables are untrusted files. Only this module turns the text of these files into markup. The module
-always escapes the text.
+Scenarios, stored results and tables are untrusted files. Only this module turns the text of these files into markup.
+The module always escapes the text.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def checks_section(
     checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
-    """Return the section about the checks of E6, the checks of the level, and the monitors of the receiver."""
+    """Return the section about the checks of E6, the checks of the level, and the checks in `checks` ("Monitors")."""
     processor, attributes = scenario.processor, attributes_of(results)
     power, distance = (check_columns(results, name) for name in (CheckName.E6_POWER, CheckName.E1_E6_RANGE))
     due = due_verdicts(results)
@@ -76,7 +76,7 @@ def checks_section(
 
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
-    """Return the section with the false alarms of verdicts, of single correlators on noise, and of each monitor."""
+    """Return the section with the false alarms of verdicts, of single correlators on noise, and of `checks`."""
     taps = false_alarms(results, processor_of_results(results))
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),

@@ -19,12 +19,12 @@ from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
 ROWS = 24_000  # largest number of epochs that are drawn individually, over all satellites
-ROW_BYTES = 1_200_000  # largest size in bytes of the epochs drawn individually; longer banks allow fewer epochs
+ROW_BYTES = 1_200_000  # largest size in bytes of the epochs drawn individually; more correlators allow fewer epochs
 STRETCHES = 720  # largest number of stretches of a time-line
 STRETCH_BYTES = 400_000
 BINS = 80  # number of bins of a histogram
 _OF_NONE = 0.5  # threshold that is drawn for a count that must be 0
-_OUTERMOST = 250  # number of equal parts of a run; the smallest and the largest offset of each part are drawn
+_OUTERMOST = 250  # number of equal parts of a run over all satellites; the extreme offsets of each part are drawn
 
 
 def run_drawings(
@@ -142,7 +142,7 @@ def _top(results: xarray.Dataset) -> float:
 
 
 def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarray, "n m"]) -> dict[str, Any]:
-    """Return a histogram of the range offsets of all epochs and satellites for each detector."""
+    """Return a histogram of the range offsets of all due verdicts for each detector."""
     offsets = results["range_offset_m"].transpose("detector", "epoch", "satellite").values.astype(np.float64)
     found = {name: offsets[place][due & np.isfinite(offsets[place])] for place, name in enumerate(detectors)}
     everything = np.concatenate(list(found.values()))

@@ -1,7 +1,8 @@
 """Show the verdicts at the mitigation level of a run's scenario on the page of the run.
 
-A store has the status of each epoch at the level of the scenario. A verdict of the page belongs to a RECS. The verdict
-is the gravest status since the previous RECS, including every status between the two RECS (`campaign/levels.py`).
+The stored results have the status of each epoch at the level of the scenario. A verdict of the page belongs to a RECS.
+The verdict is the gravest status since the previous RECS, including every status between the two RECS
+(`campaign/levels.py`).
 """
 
 from __future__ import annotations

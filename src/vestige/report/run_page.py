@@ -38,7 +38,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     Results with a coordinate `epoch` are from a run that has not ended. `question` replaces the usual question of the
     page.
 
-    The function raises `VestigeError` if the results are not from `vestige run`.
+    The function raises `VestigeError` if the results are not from `vestige run`, or have no due verdict.
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
@@ -72,7 +72,10 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
 
 
 def _scenario(results: xarray.Dataset) -> StoredScenario:
-    """Return the scenario of the results; raise `VestigeError` if the results are not from `vestige run`."""
+    """Return the scenario of the results.
+
+    The function raises `VestigeError` if the results are not from `vestige run`, or have no due verdict.
+    """
     for name in _NEEDED:
         if name not in results.variables:
             raise VestigeError(f"results of a campaign: found no {name}, expected results of `vestige run`")

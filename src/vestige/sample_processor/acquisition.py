@@ -4,9 +4,9 @@ Theory of operation
 -------------------
 The samples are cut into stretches of two code periods (8 ms). A stretch starts every period (4 ms). Correlating a
 stretch with one period of code gives all code phases of 4 ms without wrap-around. So a sign change of the secondary
-code between two periods has no effect. One FFT is enough for all Dopplers. The bins of the FFT are 1/(8 ms) = 125 Hz
-apart, and a shift by one bin gives the next Doppler. Only the bins around the carrier are kept. This selection mixes,
-filters and decimates the samples in one step.
+code between two periods has no effect. One FFT of a stretch is enough for all Dopplers. The bins of the FFT are 1/(8
+ms) = 125 Hz apart, and a shift by one bin gives the next Doppler. Only the bins around the carrier are kept. This
+selection mixes, filters and decimates the samples in one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. For noise alone with variance 1
 per dimension, the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
@@ -71,8 +71,8 @@ def acquire(
 ) -> tuple[Acquisition, ...]:
     """Return an acquisition of each satellite of `svids` whose E1-C is in `batch`.
 
-    The batch must have at least 8 ms of samples. At most `max_stretches` code periods are used, up to 100 ms. The
-    searched Dopplers are every `bin_step`-th bin of 125 Hz within `doppler_span_hz` of `doppler_center_hz`.
+    The batch must have at least 8 ms of samples. At most `max_stretches` stretches are added; 24 stretches last 100 ms.
+    The searched Dopplers are every `bin_step`-th bin of 125 Hz within `doppler_span_hz` of `doppler_center_hz`.
     `overall_pfa` is the probability that noise alone gives any acquisition. `progress` is called with the number of
     finished satellites and the number of all satellites.
     """
@@ -139,7 +139,7 @@ def search_cells(
     """Return the results of `choose` for every satellite, without signals that may be cross-correlation.
 
     `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added over
-    at most `max_stretches` code periods. `overall_pfa` is the probability that noise alone exceeds the threshold in any
+    at most `max_stretches` stretches. `overall_pfa` is the probability that noise alone exceeds the threshold in any
     cell of any satellite.
     """
     stretches = _stretches(batch, abs(doppler_center_hz) + doppler_span_hz, max_stretches)
@@ -199,7 +199,7 @@ class _Stretches:
 
 
 def _stretches(batch: SampleBatch, doppler_span_hz: float, max_stretches: int) -> _Stretches:
-    """Return the spectra of all stretches that are completely in the batch."""
+    """Return the spectra of the first `max_stretches` stretches, without stretches that exceed the batch."""
     fs = batch.sample_rate_hz
     n = round(2 * E1_CODE_PERIOD_S * fs)
     starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(max_stretches))

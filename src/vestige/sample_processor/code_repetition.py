@@ -5,9 +5,10 @@ Theory of operation
 A satellite's signal repeats after one code period, except for a sign and a phase. So every sample is multiplied by the
 conjugate of the sample one lag earlier. Blocks of products are summed coherently, and the squared magnitudes of the
 blocks are added. At the lag of a code period, and at multiples of this lag, the sum is larger than at other lags. The
-result does not depend on the centre frequency, the satellites in view, or an inversion of the spectrum. The score of a
-rate tells how far the sums at the multiples of the code period exceed the median of all sums. An acquisition has to
-confirm the rate, because divisors and multiples of the true rate have a high score, too.
+method needs neither the centre frequency nor the satellites in view, and the spectrum may be inverted. The sums are
+computed without a filter, and again after a filter around the assumed carrier, which reduces the noise at high rates.
+The score of a rate tells how far the sums at the multiples of the code period exceed the median of all sums. An
+acquisition has to confirm the rate, because divisors and multiples of the true rate have a high score, too.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
 
 
 def _middle(samples: Complex64[np.ndarray, " n_samples"], carrier: float) -> Complex64[np.ndarray, " n_samples"]:
-    """Return the samples after a filter that keeps the middle third of the spectrum, around the carrier."""
+    """Return the samples after a filter that keeps the third of the spectrum around the carrier."""
     spectrum = fft.fft(samples)
     n = samples.size
     away = (np.arange(n) - round(carrier * n) + n // 2) % n - n // 2

@@ -11,8 +11,8 @@ R_c is the chip rate, f_c the carrier frequency, and x_n is sample n. f_d and �
 hand-over.
 
 Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋]. The sum runs over the samples whose delayed
-code phase u_n − d_k lies in the segment. M is the number of samples in the duration of the segment. So a path of
-amplitude a at delay d_k gives c_k = a.
+code phase u_n − d_k lies in the segment, the series of chips of the hand-over. M is the number of samples in the
+duration of the segment. So a path of amplitude a at delay d_k gives c_k = a.
 
 **Noise floor.** The threshold must come from the noise after the correlation with a code that is not in the signal
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j

@@ -95,7 +95,7 @@ def _two_lag_sums(own, fraction, y_re, y_im, apart_1, re_1, im_1, apart_2, re_2,
 
 @njit(cache=True, nogil=True)
 def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, turn, out):
-    """Add the samples at an end of the segment to the taps, because the first or last sample depends on the tap.
+    """Add the samples at an end of the segment to each tap on its own; the first or last sample depends on the tap.
 
     u0 is the code phase of the first sample in chips, minus the middle of the bank. For the noise floor, a sample is
     set to 0 if it is outside the segment at the middle of the bank.

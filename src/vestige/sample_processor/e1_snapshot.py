@@ -10,8 +10,8 @@ from an `Acquisition`, and measures in one batch the values that a tracking loop
 2. Secondary code of E1-C: all 25 phases of CS25_1 are tried on the prompts. The phase with the highest peak of the
    Doppler spectrum is chosen. This phase gives the time of transmission modulo 100 ms. The frequency of the peak gives
    the Doppler to a fraction of 10 Hz, the reciprocal of 100 ms.
-3. Doppler: the secondary code is removed from the prompts. The Doppler is the slope of a straight line through the
-   phases of the prompts, weighted by the power of the prompts.
+3. Doppler: the secondary code is removed from the prompts. The slope of a straight line through the phases of
+   the prompts, weighted by the power of the prompts, gives the residual Doppler.
 4. Code phase: the symbols of E1-B are removed with the sign of the E1-B prompt relative to the pilot's phase. Then the
    periods of E1-B and of E1-C are added coherently over the batch, and the two magnitudes are added. The code phase is
    the delay at which early and late magnitude are equal.

@@ -11,12 +11,12 @@ E6-C without encryption repeats its primary code every millisecond, with the sig
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
 secondary code on these periods shows that no other signal was mistaken for E6-C.
 
-The bins of the acquisition are wider than the signal. A bin can be half a sample (0.47 chip at 5.5 MHz) and 250 Hz away
-from the signal, where the power is 6 dB lower. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol
-of E6-B lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and
-δ the distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this
-Doppler. The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the code
-phase is refined, so that early and late amplitude are equal.
+The grid of the acquisition is coarse. The nearest point of the grid can be half a sample (0.47 chip at 5.5 MHz) and 250
+Hz away from the signal, where the power is 6 dB lower. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A
+symbol of E6-B lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the
+period and δ the distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T
+around this Doppler. The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T.
+Then the code phase is refined, so that early and late amplitude are equal.
 """
 
 from __future__ import annotations

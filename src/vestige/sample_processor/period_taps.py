@@ -1,7 +1,7 @@
 """Correlate every code period of a batch around an acquired code phase, and find the delay of the correlation peak.
 
-The modules `e1_snapshot` and `e6_acquisition` measure E1 and E6 with the functions of this module. An acquisition finds
-the code phase with an error of up to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around the acquired
+The modules `e1_snapshot` and `e6_acquisition` measure E1 and E6 with the functions of this module. An acquisition on E6
+finds the code phase with an error of up to half a sample, which is half a chip at 5.5 MHz. The taps around the acquired
 code phase show how far away the peak is.
 """
 

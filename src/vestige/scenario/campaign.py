@@ -1,7 +1,7 @@
 """Define the scenario of a campaign: a simulated receiver with its error models, and the processing of many epochs.
 
-Each table of the file becomes a model. For example, `[receiver.clock]` with `kind = "two-state"` becomes a
-`TwoStateClock`. A model that is left out has no effect.
+Tables of models become objects. For example, `[receiver.clock]` with `kind = "two-state"` becomes a `TwoStateClock`. An
+error model that is left out has no effect.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _LAST_WEEK = 9999  # last week (year 2191) in which a run may start, so that no 
 
 
 class FrontEndTable(Section):
-    """Settings of the E6 front end (`FrontEnd`); a part of the front end that is left out has no effect."""
+    """Settings of the E6 front end (`FrontEnd`): no filter without `bandwidth_hz`, and no quantiser without `bits`."""
 
     bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
     bits: Literal[1, 2, 3, 8] | None = None
@@ -85,7 +85,7 @@ class ReceiverTable(Section):
     cn0_dbhz, cn0_e1_dbhz
         C/N0 in dBHz of E6-C alone, and of E1-C alone.
     signal
-        Whether E6-C is on air. Without E6-C every detection in E6 is false.
+        Whether E6-C is on air. Without E6-C and without attacks, every detection in E6 is false.
     time_uncertainty_s
         Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s
@@ -163,8 +163,8 @@ class CampaignScenario(Section):
         Number of epochs, and the time between two epochs in s. Each epoch has a RECS, unless `recs.every` is larger
         than 1.
     fidelity
-        Method of the simulation: `samples`, the reference, or `correlators`, which gives the same distribution without
-        samples.
+        Method of the simulation: `samples`, the reference, or `correlators`, which draws correlators from their
+        distribution without samples.
     attack
         Simultaneous attacks, each in a table `[[attack]]`.
     constellation, trajectory
@@ -337,7 +337,7 @@ class CampaignScenario(Section):
     def own_parts(self) -> tuple[str, ...]:
         """Classes that the user wrote, each with the digest of its file, for example `module:Name@1f2e3d4c5b6a`.
 
-        These classes are error models, attacks, a detector or checks.
+        The user's classes are error models, attacks, a detector or checks.
         """
         receiver, processor = self.receiver, self.processor
         models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)

@@ -80,7 +80,7 @@ def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: fl
 
 
 def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
-    """Raise `InconsistentSettingsError` if a jamming waveform exceeds half the sampling rate and would be aliased."""
+    """Raise `InconsistentSettingsError` if a jammer has frequencies above half the sampling rate (aliasing)."""
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
@@ -92,7 +92,7 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
 
 
 def check_recorded_band(front_end: FrontEnd) -> None:
-    """Raise `InconsistentSettingsError` if the sampling rate or the filter is too narrow for the recorded signals."""
+    """Raise `InconsistentSettingsError` if sampling rate or filter bandwidth is too low for the recorded signals."""
     name, narrowest_hz = max(_NARROWEST_HZ.items(), key=lambda item: item[1])
     for place, found_hz in (
         ("receiver.sample_rate_hz", front_end.sample_rate_hz),

@@ -5,8 +5,8 @@ interference. The receiver also knows the data sheets of its oscillator and its 
 broadcast orbits, the receiver's own tracking loops, and the standard deviations of pseudoranges in `[position]`.
 `[processor]` states the expected C/N0, the expected C/N0 difference between E6 and E1, and the expected number of
 satellites. If the number of satellites is not stated, the receiver counts the satellites above the mask at the first
-epoch. For this count the receiver has an almanac and a rough position at the start. The receiver never uses later
-epochs, so the results of an epoch do not depend on the length of the run.
+epoch. For this count the receiver has an almanac and a rough position at the start. The count uses no later epoch, so
+the results of an epoch do not depend on the length of the run.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Overhead(NamedTuple):
 def processor_of(scenario: CampaignScenario) -> AcasProcessor:
     """Return the processor of a campaign's receiver.
 
-    The processor knows the receiver's antenna, front ends, oscillator and orbits. The processor does not know the
-    simulated errors and attacks.
+    The processor knows the receiver's antenna, front ends and oscillator, and the broadcast orbits. The processor does
+    not know the simulated errors and attacks.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def receiver_processor(
 
 
 def _e6_carrier(scenario: CampaignScenario | StoredScenario) -> dict[str, Any]:
-    """Return the phase monitor and the fading monitor of E6, by name; an empty result means that both are off."""
+    """Return phase monitor and fading monitor of E6 by name; an empty result means that the two monitors are off."""
     table = scenario.processor.e6_carrier
     if table is None:
         return {}

@@ -1,8 +1,8 @@
 """Read from the results of a campaign the values of its scenario that are needed to evaluate the results.
 
 Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`, because JSON cannot express
-infinity, and the files of waypoints, profiles and ephemerides may be missing. `campaign_toml` writes the scenario as a
-TOML file.
+infinity, and the files of waypoints, profiles and ephemerides may be missing. `campaign_toml` returns the scenario as
+TOML text.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Find settings of a scenario that are allowed but probably unintended, and describe each in a line of text."""
+"""Find settings of a scenario that are allowed but probably unintended, and describe each setting in a line of text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FAITHFUL = 0.1  # smallest relative change of range offsets that gives a warnin
 
 
 def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
-    """Return a line of text for each setting of a scenario that is probably unintended; most scenarios have none."""
+    """Return a line of text for each setting of a scenario that is probably unintended; the result is often empty."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))

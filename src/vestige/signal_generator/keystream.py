@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 
 _CHIPS_PER_SECOND = round(E6C.chip_rate_hz)
 _BLOCK_CHIPS = 128  # number of chips in an AES block
-_GRID_CHIPS = 1e-3  # largest distance in chips from a whole chip number; float64 rounds to only 1e-9 chip
+_GRID_CHIPS = 1e-3  # largest distance in chips from a whole chip number; rounding in float64 is only about 1e-9 chip
 
 
 @lru_cache(maxsize=16)

@@ -21,8 +21,8 @@ The polynomials are from Cephes in single precision [CEPHES]. The polynomials us
 machines get the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an
 error of 6e-8.
 
-Two keys that differ by a multiple of GOLD would give shifted copies of one sequence. `noise_key` makes each key as a
-hash, so that two keys do not differ by a small multiple of GOLD.
+Two keys that differ by a small multiple of GOLD would give shifted copies of one sequence. `noise_key` makes each key
+as a hash, so that two keys do not differ by a small multiple of GOLD.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -12,7 +12,8 @@ number of components:
 The code phase of sample i is u_0 + i u_1 sub-chips. The path has the amplitude a and the carrier phase φ_i. Code phase
 and carrier phase are parabolas in time. Code rate and carrier phase are computed in float64 at the middle of each block
 of 1024 samples. Several consecutive blocks use one table of the carrier. The number of these blocks follows from the
-Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
+Doppler rate, so that the phase error does not exceed `_MAX_TURN_RAD`. At very high Doppler rates each block has its own
+table, and the phase error may be larger.
 
 No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has equal bits on
 every machine.

@@ -7,16 +7,17 @@ means the chip −1. A window is 32 consecutive chips. A left shift by s brings 
 The sign bit, XORed into a float32, multiplies the float32 by the chip.
 
 **One window for many samples.** A window has the chips of a group of samples, which lie in at most 15 chips. The window
-is valid for every delay within `WINDOW_REACH_CHIPS` of a common middle. At 2.2 or more samples per chip, 32 samples use
-one window. At 0.5 to 2.2 samples per chip, eight samples use one window. At lower sampling rates each sample has its
-own window. Each chip of a window keeps its bit position in the packed word. Chip c is bit c mod 32, and the shift is
-the code phase modulo 32 chips. So no look-up is needed for single samples.
+is valid for every delay within `WINDOW_REACH_CHIPS` of a common middle. At about 2.2 or more samples per chip, 32
+samples use one window. At 0.5 to about 2.2 samples per chip, eight samples use one window. At lower sampling rates each
+sample has its own window. Each chip of a window keeps its bit position in the packed word. Chip c is bit c mod 32, and
+the shift is the code phase modulo 32 chips. So no look-up is needed for single samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
 fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
-edge is exact to 2^-27 chip (0.4 µm). A loop over the samples with a float64 code phase finds the same chip at every
-sample. Two samples lie in the same chip if the phase of the later sample in its chip is at least `phase_apart`.
+edge is exact to 2^-27 chip (0.4 µm). A loop over the samples with a float64 code phase finds the same chip, except at
+samples within about 2^-27 chip of an edge. Two samples lie in the same chip if the phase of the later sample in its
+chip is at least `phase_apart`.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -75,8 +76,8 @@ def window_delay(delay):
 def interior(u0, step, reach, n_chips, n):
     """Return the limits (i0, i1) of the samples that lie within the code at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The limits may omit one sample at each end that lies within the
-    code. The caller processes the samples outside the limits with a plain loop.
+    Sample i of n has the code phase u0 + i · step. The limits may omit one or two samples at each end, although these
+    samples lie within the code. The caller processes the samples outside the limits with a plain loop.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)
     i1 = n

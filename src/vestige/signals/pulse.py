@@ -101,7 +101,7 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the correlation of an unfiltered signal with a replica that has another pulse and the same random code.
 
-    The two pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
+    If the two pulses have the same symmetry about the middle of the chip, the correlation is even. Beyond one chip the
     correlation is zero.
 
     Parameters
@@ -162,8 +162,8 @@ def band_limited_correlation(
     """Return the correlation of a signal, received through an ideal filter, with a replica that has another pulse.
 
     The correlation is R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. For two
-    equal pulses R is `band_limited_autocorrelation`. The two pulses have the same symmetry about the middle of the
-    chip, so R is real.
+    equal pulses R is `band_limited_autocorrelation`. The two pulses must have the same symmetry about the middle of the
+    chip, so that R is real.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ class AcasTestCase:
 
     @property
     def _message_end(self) -> GalileoTime:
-        """Time at which the message ends: after the last sample, and with OSNMA events also after the next subframe."""
+        """Time until which the message lasts: past the last sample, and with OSNMA events past the last RECS's key."""
         last = self.scenario.start_time + self.end * self.scenario.interval_s
         end = last + (self.tail_s + _MESSAGE_SPARE_S)
         if not self.simulation.osnma.events:

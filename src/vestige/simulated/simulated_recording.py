@@ -133,10 +133,10 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on this number.
         progress
-            Function that is called with the bands, the number of written samples of each band, and the number of all
-            samples of each band.
+            Function that is called with a text that names the bands, the number of written samples of each band, and
+            the number of all samples of each band.
         warn
-            Function that is called with one line at the end if samples clip.
+            Function that is called with one line at the end if more than 0.1 % of the numbers of a band clip.
 
         Raises
         ------
@@ -228,12 +228,13 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on this number.
         progress
-            Function that is called with the band, the number of written samples, and the number of all samples.
+            Function that is called with a text that names the band, the number of written samples, and the number of
+            all samples.
         say
             Function that is called with a line of text if a recording is continued. For a long recording, the function
             is also called before message, truth and assistance are written.
         warn
-            Function that is called with one line at the end if samples clip.
+            Function that is called with one line at the end if more than 0.1 % of the numbers of a band clip.
 
         Raises
         ------

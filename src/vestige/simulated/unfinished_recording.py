@@ -9,7 +9,7 @@ A recording `night` is written in `.night.unfinished`, in the same parent folder
 
 `progress.json` is replaced in one step, after all the counted samples are on the disk. So the process or the machine
 may stop at any moment. The next call truncates the files to the counted samples and makes the missing samples. All
-other files are made again. After an error or Ctrl-C no file is left.
+other files are made again. An error or Ctrl-C while the recording is written removes the hidden folder.
 """
 
 from __future__ import annotations

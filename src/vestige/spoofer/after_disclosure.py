@@ -26,7 +26,7 @@ LONGEST_FORGERY_S = 120.0  # longest delay in s: four subframes, more than any k
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForgeryAfterDisclosure(CheckedAttack):
-    """Attack that transmits past signals on E1 and E6, made from RECS and disclosed keys, without reception noise.
+    """Attack that transmits past signals without reception noise; its E6 chips come from RECS and disclosed keys.
 
     Example
     -------

@@ -202,7 +202,7 @@ def check_level(key: str, level_db: AnyProfile | float) -> None:
 
 
 def check_gain(key: str, reception_gain_db: float) -> None:
-    """Raise `SettingError` if the attacker's reception gain is impossible for any antenna."""
+    """Raise `SettingError` if the attacker's reception gain is outside −50 to 100 dB."""
     if not -50 <= reception_gain_db <= 100:
         raise SettingError(key, f"{reception_gain_db:g} dB", "-50 to 100 dB")
 

@@ -16,10 +16,10 @@ is
     continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
     chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
 
-Sampling aliases the side lobes of S_c beyond ±f_s/2 onto the frequencies of the line or the sweep. This effect, about 3
-% more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density, which the jammer causes after the
-correlator. The phase of a wave, a sweep or a pulse is drawn at random once per epoch of a campaign, or once per
-recording.
+Sampling aliases the side lobes of S_c beyond ±f_s/2 onto the frequencies of the continuous wave or the sweep. This
+effect, about 3 % more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density, which the jammer causes
+after the correlator. The phase of a wave, a sweep or a pulse is drawn at random once per epoch of a campaign, or once
+per recording.
 """
 
 # ruff: noqa: ARG002  all waveforms have the same signature
@@ -47,7 +47,7 @@ class _White:
 
     __slots__ = ()
     white: ClassVar[bool] = True  # whether the waveform is white noise while the jammer is on
-    reach_hz: ClassVar[float] = 0.0  # largest distance in Hz of a line or sweep from the carrier; 0 for noise
+    reach_hz: ClassVar[float] = 0.0  # largest distance in Hz of a wave or a sweep from the carrier; 0 for noise
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float

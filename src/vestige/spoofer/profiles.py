@@ -8,7 +8,7 @@ and rates are continuous:
 |---|---|---|
 | `Constant` | continuous | continuous: 0 |
 | `Ramp` | continuous | jumps at the start and the end; continuous with `smooth`, which makes half a cosine |
-| `Sine` | continuous | continuous: half a cosine before and after the turn, and 0 at the turn |
+| `Sine` | continuous | continuous: 0 at the start, at the turn and at the end |
 | `Trapezoid` | continuous | jumps at four corners; continuous with `smooth`, which makes half cosines |
 | `Table` | continuous: straight lines | jumps at the points |
 

@@ -94,7 +94,7 @@ class LiftOff(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPush(_LiftOffAttack):
-    """Lift-off of the satellites in `svids`, whose common delay moves the victim's position."""
+    """Lift-off of the satellites in `svids`; the common delay of the spoofing signals moves the victim's position."""
 
     kind: Literal["position-push"] = "position-push"
 
@@ -106,7 +106,7 @@ class PositionPush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePush(_LiftOffAttack):
-    """Lift-off of all satellites, without `svids`, whose common delay moves the victim's clock."""
+    """Lift-off of all satellites (no `svids`); the common delay of the spoofing signals moves the victim's clock."""
 
     kind: Literal["time-push"] = "time-push"
 

@@ -78,7 +78,7 @@ class Scer(CheckedAttack):
         satellite.
     latency_s
         Time in s from reception at the attacker's antenna to transmission. If the attacker transmits a symbol with a
-        delay τ, the estimate uses the first part of the symbol, whose duration is τ − `latency_s`.
+        delay τ, the estimate at the beginning of the symbol uses the first τ − `latency_s` of the received symbol.
     """
 
     delay_m: Profile

@@ -43,7 +43,7 @@ from vestige.spoofer.repeaters import (
 )
 from vestige.spoofer.scer import Scer
 
-_OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `SpoofingSignal`
+_OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields with a value per epoch
 
 Attacks = (
     E1Asynchronous

@@ -35,7 +35,7 @@ class GridLoss(NamedTuple):
 def code_grid_loss(step_chips: float) -> GridLoss:
     """Return the loss by a grid of code offsets, for an unfiltered rectangular chip.
 
-    The step of the grid is at most 2 chips.
+    The step of the grid is above 0 and below 2 chips.
     """
     worst = 1 - step_chips / 2
     mean_power = (1 - worst**3) / (3 * (1 - worst))

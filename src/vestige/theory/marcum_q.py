@@ -11,7 +11,7 @@ of the sum has the density f, whose tails are Q_K and P_K:
 Authentication needs small tails, such as a false-alarm probability of 1e-14 or a miss probability of 1e-12. For small
 tails `1 − cdf` has no correct digits, and `scipy.special` has the lower tail only. The integrand is positive and
 smooth, with one maximum near μ = √(a² + 2K − 1) and a width of about 1. Away from μ the integrand decreases at least as
-fast as a Gaussian. So the smaller tail is a Gauss-Legendre sum of positive terms over an interval that begins at b. The
+fast as a Gaussian. So the smaller tail is a Gauss-Legendre sum of positive terms over an interval with the limit b. The
 interval contains all but e^{-45} of the tail. No terms cancel, and the larger tail is 1 minus the smaller tail.
 
 For tails above 1e-250, the relative error of a tail is below 1e-12 for K = 1, and below 1e-11 for K ≤ 100.

@@ -92,7 +92,7 @@ def correlator_amplitude(
 def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
     """Return P_d = Q_K(A, g), the probability that the signal exceeds the threshold.
 
-    The relative error is below 1e-12, also for weak signals, where P_d approaches P_fa.
+    For K = 1 the relative error is below 1e-12, also for weak signals, where P_d approaches P_fa.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     Raises
     ------
     ValueError
-        If P_d does not exceed P_fa, which is the P_d without a signal.
+        If P_d or P_fa is not between 0 and 1, or P_d does not exceed P_fa, which is the P_d without a signal.
 
     Examples
     --------

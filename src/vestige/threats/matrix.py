@@ -173,7 +173,7 @@ def _runs(
 ) -> Iterator[tuple[int, bool, Outcomes]]:
     """Yield case number, presence of an attack, and outcomes at all levels of each run; write new runs to the file.
 
-    All cases are measured with a group of seeds before the next group begins. The runs of a case begin before the
+    All cases are measured with a group of seeds before the next group begins. The runs of a case may begin before the
     runs of the previous case have ended, so that no worker waits.
     """
     # call that measures a run, and position of the run in the results of this call, by digest of the scenario

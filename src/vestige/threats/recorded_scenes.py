@@ -1,7 +1,7 @@
 """Make recordings of some seconds from scenes of the threat table, for a receiver that tracks the samples.
 
-A scene lasts 15 minutes. The samples of a scene would need 56 GB, and tracking the samples would take as long as the
-scene. So a recording is a part of the scene, and differs from the scene only in the following points:
+A scene lasts 5 to 60 minutes. At 12.5 MHz, the int8 samples of 15 minutes need 45 GB, and tracking the samples would
+take about as long. So a recording is a part of the scene, and differs from the scene only in the following points:
 
 * A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
   and every duration is divided by the factor. Powers, delays and the values that the seed draws do not change.

@@ -1,8 +1,8 @@
 """Compute the outcome of an attack in many runs at a mitigation level, and compare this outcome with the expectation.
 
-A statement about an attack is tested in many runs with different seeds. The statement is true if the exact confidence
-interval of its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is one
-of these words, with its statement:
+A statement about an attack is tested in many runs with different seeds. The statement is accepted if the exact
+confidence interval of its probability lies above ½. If the interval contains ½, the runs are not conclusive. An
+expectation is one of these words, with its statement:
 
     pass         without an attack: alarms, failed tests, and failures of each check are not more frequent than their
                  budgets allow, and failures with an exact budget are not less frequent than this budget
@@ -13,8 +13,8 @@ of these words, with its statement:
     partial      detected in about half of the runs: the interval contains ½
 
 Each check has its own budget of failures. Let p be the Poisson probability of at least the counted number of failures.
-A check exceeds its budget if p is below `ERROR` divided by the number of the level's checks. So a level whose checks
-all keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
+A check exceeds its budget if p is below `ERROR` divided by the number of the level's checks that have a budget. So a
+level whose checks all keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
 
 The outcome of a single run is defined in `campaign/run_outcome.py`. The tests at neighbouring epochs use common data of
 some seconds. So failures of single tests occur in groups of up to `_GROUP`.
@@ -43,7 +43,7 @@ MIXED = "mixed"  # word for a scene in which no outcome occurs in more than half
 ERROR = 0.05  # probability that a level whose checks all keep their budgets is reported to exceed a budget
 _GROUP = 3  # largest number of failed tests that one event causes; neighbouring clock and RAIM tests use common data
 
-# Checks that test once per RECS and satellite, every 30 s, so that neighbouring failures are separate events.
+# Checks that test once per RECS and satellite, so that neighbouring failures are separate events.
 _WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row.cadence is TestCadence.RECS}
 
 
@@ -74,7 +74,7 @@ class CheckBudget:
     budget: float
 
     def exceeded(self, checks: int) -> bool:
-        """Return whether the check fails more often than its budget; `checks` is the number of checks of the level."""
+        """Return whether the check fails more often than its budget; `checks` is the number of checks with a budget."""
         group = 1 if self.name in _WITH_RECS else _GROUP
         return poisson_tail(math.ceil(self.failures / group), self.budget / group) < ERROR / checks
 

@@ -123,7 +123,7 @@ def read_threats() -> tuple[Threat, ...]:
 def scene_attacks(threat: Threat, scene: Scene, seed: int) -> tuple[dict[str, Any], ...]:
     """Return the `[[attack]]` tables of a scene with the values that a seed draws.
 
-    The function raises `VestigeError` if a draw names a key that does not exist.
+    The function raises `VestigeError` if a draw names an attack that the scene does not have.
     """
     raw = overridden({"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
     return tuple(raw["attack"])
@@ -145,7 +145,7 @@ def scene_scenario(
     threat, scene, seed
         Row of the threat table, a scene of this row, and seed of the campaign.
     attacked
-        Whether the campaign has the attacks of the scene. All other values do not depend on `attacked`.
+        Whether the campaign has the attacks of the scene. The values of all other tables do not depend on `attacked`.
     settings
         Values of `--set`, which replace values of the scene. Values of attacks are used only if `attacked` is true.
     attacks
@@ -156,7 +156,7 @@ def scene_scenario(
     InputFileError
         If the tables with all replaced values are not a valid campaign.
     VestigeError
-        If a setting does not have the form KEY=VALUE, or names a key that does not exist.
+        If a setting does not have the form KEY=VALUE, or removes a key that does not exist.
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:

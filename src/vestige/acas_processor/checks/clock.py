@@ -11,8 +11,8 @@ statistics of the check have the variances
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
-w is the vector of the weights of the least-squares slope, and C is the covariance of the drifts. A test fails if its
-statistic is more than K standard deviations from 0. The three tests share the budget P_fa equally.
+w is the vector of the weights of the least-squares slope, and C is the covariance of the drifts at the times t_i. A
+test fails if its statistic is more than K standard deviations from 0. The three tests share the budget P_fa equally.
 
 The innovation test detects a step of the drift. The consistency test detects a delay of the codes that the carriers do
 not follow. The slope test detects a slow, steady change of the drift. An attack that changes code and carrier alike,

@@ -29,7 +29,7 @@ class Subframes:
     epoch: Int64[np.ndarray, " k"]  # row of the epoch at which each subframe is compared
     missing: Int64[np.ndarray, " k"]  # number of subframes without a received key among the last `window`
     window: Int64[np.ndarray, " k"]  # number of subframes over which `missing` counts, at most `KEY_WINDOW`
-    # The next attributes are numbers of pages or keys, summed over the satellites.
+    # The next attributes are numbers of pages and keys, summed over the satellites.
     due: Int64[np.ndarray, " k"]  # pages and keys that were sent according to the second channel
     lost: Int64[np.ndarray, " k"]  # pages and keys that are due, but were not received
     received: Int64[np.ndarray, " k"]  # pages and keys that were received

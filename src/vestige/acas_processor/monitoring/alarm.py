@@ -2,9 +2,9 @@
 
 The verdict of a satellite may change at each RECS, and also between two RECS. The state of a satellite is therefore the
 gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. The state falls only after
-`HOLD_S` seconds without a status as grave as the state. So an attack that a check detects only in some RECS raises a
-single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range. So the
-loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
+`HOLD_S` seconds without a status as grave as the state. So an attack that is detected at least once in `HOLD_S` seconds
+raises a single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range.
+So the loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
 """
 
 from __future__ import annotations

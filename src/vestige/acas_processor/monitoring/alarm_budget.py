@@ -1,4 +1,4 @@
-"""Compute how many false alarms a level may raise in a day, and the share of each check.
+"""Compute how many false alarms a level may raise in a day, and how many of them each check may raise.
 
 Theory of operation
 -------------------
@@ -13,7 +13,7 @@ limits:
 
 * The probability of the range check is erfc(κ/√2) if its σ is the standard deviation of the errors. The assumed σ is
   larger by intention, so the true probability is smaller. Noise above the detection threshold in one of the N
-  correlators adds N times the P_fa of a correlator.
+  correlators of the bank adds N times the P_fa of a correlator.
 * The probability of E6 power is 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
 * The probability of power–distortion is 0.006ᵏ: 0.6 % is the published false-alarm probability [WESSON18], and k is the
   number of confirmations.

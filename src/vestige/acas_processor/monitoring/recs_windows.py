@@ -2,17 +2,17 @@
 
 Theory of operation
 -------------------
-A window contains N RECS in a row with the values y, their times t and their weights w = 1/variance. A straight line
-represents unknown or slowly changing terms (a constant, the ionosphere, the elevation). The line is fitted and
+A window contains N successive detected RECS with the values y, the times t and the weights w = 1/variance. A straight
+line represents unknown or slowly changing terms (a constant, the ionosphere, the elevation). The line is fitted and
 subtracted:
 
     T = Σ w (y − a − b t)²        ~ χ²(N − 2) if noise alone scatters the values
 
-Reflections scatter the values too. The part of y that comes from reflections, in phase or in quadrature, is normal with
-the variance P/2. P is the mean power of the reflections relative to the direct signal. If the reflections change with
-every RECS, all N − 2 degrees of freedom have the variance k = 1 + w P N/(2 (N − 2)). If a reflection lasts for a time
-L, d/2 reflections follow each other in a window. Each reflection increases the variance of two degrees of freedom,
-because its phase is free and its amplitude is constant:
+Reflections scatter the values too. The part of y that comes from reflections, in phase or in quadrature, has a normal
+distribution with the variance P/2. P is the mean power of the reflections relative to the direct signal. If the
+reflections change with every RECS, all N − 2 degrees of freedom have the variance k = 1 + w P N/(2 (N − 2)). If a
+reflection lasts for a time L, d/2 reflections follow each other in a window. Each reflection increases the variance of
+two degrees of freedom, because its phase is free and its amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 
@@ -33,7 +33,7 @@ from vestige.theory.variance_test import variance_threshold
 
 
 class Recs(NamedTuple):
-    """RECS of a satellite in order of time: the RECS before the block, then the RECS of the block."""
+    """Detected RECS of a satellite in order of time: remembered RECS from before the block, then RECS of the block."""
 
     row: Int[np.ndarray, " k"]  # row of the RECS in the block; −1 for earlier RECS
     # number of epochs of the block, before the RECS, at which E1 did not track the satellite

@@ -31,7 +31,8 @@ class ReceiverState:
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     baseline: Baseline = field(default_factory=Baseline)  # values from which reference levels are learned
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first fix
-    # last fix of an epoch without an alarm and with at least four AUTHENTIC satellites; None if there was no such epoch
+    # last fix of an epoch with at least four AUTHENTIC satellites, without an alarm, and without a range in use of an
+    # earlier signal; None if there was no such epoch, and always None at level 1
     fix: FixMemory | None = None
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # memory of each check

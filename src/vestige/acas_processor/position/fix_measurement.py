@@ -1,7 +1,8 @@
 """Compute the position fix of every epoch of a block, and the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
-The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If the standard deviations of the pseudoranges
-depend on the elevation, a first fix with constant or C/N0-dependent standard deviations gives the elevation.
+The fix uses the broadcast orbits, and the E1 pseudoranges of all satellites whose orbits are known. If the standard
+deviations of the pseudoranges depend on the elevation, a first fix with constant or C/N0-dependent standard deviations
+gives the elevation.
 """
 
 from __future__ import annotations
@@ -154,7 +155,7 @@ def _chosen(
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
-    # If two ephemerides are equally near, the later ephemeris is used.
+    # If two ephemerides are equally near, the ephemeris that comes later in `own` is used.
     best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)
     usable = np.min(age_s, axis=0) <= fit_interval_s
     rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]

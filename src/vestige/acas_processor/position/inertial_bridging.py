@@ -1,9 +1,9 @@
 """Compute changes of range rates and of the receiver's velocity between two RECS, for inertial bridging.
 
-At each epoch with RECS and a position, three quantities of the satellites are stored: the measured range rates, the
-range rates for a receiver at rest without clock drift, and the directions to the satellites. At the next epoch with
-RECS, new quantities are compared with the stored quantities (`checks/inertial.py`). Without a position nothing is
-stored, and no comparison is made at the next epoch.
+At each epoch with RECS and a position, four quantities of each satellite are stored: the measured range rate and its
+standard deviation, the range rate for a receiver at rest without clock drift, and the direction to the satellite. At
+the next epoch with RECS, new quantities are compared with the stored quantities (`checks/inertial.py`). Without a
+position nothing is stored, and no comparison is made at the next epoch with RECS.
 
 Velocity increments are in local axes, which rotate with the position. If an aircraft flies 7.5 km in 30 s, its local
 axes rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The path

@@ -69,7 +69,7 @@ class PseudorangeErrors:
     def range_m(
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
     ) -> Float[np.ndarray, "n m"]:
-        """Return the standard deviation of pseudoranges; NaN where the C/N0 is needed but unknown."""
+        """Return the standard deviation of pseudoranges; NaN where a needed C/N0 or elevation is unknown."""
         code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _sigma(self.loops, "code_sigma_m", cn0_dbhz)
         if not self.needs_elevation:
             return np.sqrt(code_m**2 + self.floor_m**2)
@@ -91,7 +91,10 @@ class PseudorangeErrors:
 
 
 def _sigma(loops: LoopNoise, name: str, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return a standard deviation, whose logarithm is interpolated between whole dB with an accuracy of 1e-3."""
+    """Return a standard deviation of `loops`, interpolated between whole dBHz from 10 to 75 dBHz.
+
+    The logarithm is interpolated. For `BetzTrackingNoise` the relative error is below 1e-3 from 15 to 60 dBHz.
+    """
     return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_sigma(loops, name)))
 
 

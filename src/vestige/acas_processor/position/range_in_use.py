@@ -16,8 +16,9 @@ Otherwise no range is in use. If a search found several signals and cannot decid
 use either. In this case the true signal may arrive before the first correlator of the RECS, so the earliest signal in
 the correlators proves nothing. Impossible ranges are not used (`possible_range.py`).
 
-The position is the fix from all ranges in use, of at least four satellites. The fix uses uncorrected pseudoranges and
-broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
+The position is the fix from all ranges in use, of at least four satellites. If the snapshots say which navigation data
+OSNMA authenticates (`data_authenticated`), only satellites with authenticated data are used. The fix uses uncorrected
+pseudoranges and broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Search E1 and E6 for vestigial signals in the samples of the snapshot of one epoch.
 
-The searches use settings of the requesting processor: false-alarm probability, cipher mode, and group delay convention.
+The searches use settings of the requesting processor, such as false-alarm probability and cipher mode.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ The searches are step 4 of level 2 [WFO, Sec. IV-B] and step 5 of level 3 [WFO, 
 `E1VestigialSearch` (level 2) searches for all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch`
 (level 3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return
 peaks and number of signals of each satellite. Both searches cover the possible clock error (`TimeUncertainty`). Before
-the first authentic fix the possible clock error is the stated limit. After the fix the possible clock error is the
-error of the clock at the fix plus the possible drift of the oscillator since the fix.
+the first authentic fix the possible clock error is the stated limit. After a fix the possible clock error is the
+possible error at the fix plus the possible drift of the oscillator since the fix, but at most the stated limit.
 
 `block_searches.py` uses both searches for a block of one epoch.
 """
@@ -58,9 +58,9 @@ class SatelliteSearch:
 
     svid: int
     signals: tuple[Acquisition, ...]  # signals on E1, the strongest signal first; empty for the exhaustive search
-    # Peaks in E6, in order of time. The first peak is the true signal. The tuple is empty if the first peak may have
-    # arrived after the disclosure of the key of the RECS. In this case E6 proves nothing, but `count` still counts the
-    # signals.
+    # Peaks in E6, in order of time. The first peak is the earliest signal on E6. The tuple is empty if the first peak
+    # may have arrived after the disclosure of the key of the RECS. In this case E6 proves nothing, but `count` still
+    # counts several signals.
     peaks: tuple[Peak, ...]
     count: float  # number of signals; NaN if the search was not run
     carrying: int = 0  # number of signals that carry the encrypted chips
@@ -75,7 +75,9 @@ class SatelliteSearch:
 class E1VestigialSearch:
     """Search for all signals on E1, with hand-over to E6."""
 
-    p_fa: float = 1e-3  # false-alarm probability of the search on E1, and of the search on E6, for one snapshot
+    # false-alarm probability in one snapshot: of the search on E1 for all satellites together, and of the search on E6
+    # for each satellite
+    p_fa: float = 1e-3
     # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
@@ -202,8 +204,8 @@ class E6ExhaustiveSearch:
         """Return the result for every satellite with a RECS.
 
         `e6` replaces the samples of the snapshot if the file is too long for a snapshot. If `around_s` is set,
-        `expected` gives the time at which E1 predicts the RECS of a satellite. Satellites without a predicted time are
-        not searched.
+        `expected` gives the time at which E1 predicts the RECS of a satellite. In this case, satellites without a
+        predicted time are not searched.
         """
         source = e6 or _samples(snapshot)
         found = {
@@ -320,7 +322,7 @@ def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent:
 def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> tuple[float, float]:
     """Return the transmission time of a signal on E1 for a time of reception, and the period of the signal.
 
-    Both values are in s; the transmission time is modulo the period.
+    Both values are in s. The transmission time is known only up to a multiple of the period.
     """
     measured = measure_e1(e1, signal)
     if measured is not None and measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:

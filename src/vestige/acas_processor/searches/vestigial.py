@@ -43,7 +43,7 @@ class VestigialDecision:
     svid: int
     peaks: tuple[Peak, ...]
     true: Peak | None  # earliest peak; None without a peak, for an open code, or if the chips may have been public
-    spoofed: bool  # whether there is more than one signal
+    spoofed: bool  # whether there is more than one signal; False for an open code
     open_code: bool = False  # whether the chips belong to the open code, whose peaks prove nothing
 
 
@@ -209,7 +209,7 @@ def handover_peaks(
 
 
 def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapshot | None:
-    """Return the measurement of a signal in the samples from a time on; None if the samples do not contain the time."""
+    """Return the measurement of a signal from a time on; None if the samples begin later, or end too soon."""
     head = e1.read(e1.first_sample, 1)
     low = e1.first_sample + round((at - head.start) * head.sample_rate_hz)
     count = min(round(E1_WINDOW_S * head.sample_rate_hz), e1.end_sample - low)

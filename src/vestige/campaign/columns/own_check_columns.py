@@ -1,8 +1,9 @@
-"""Compute the columns of the results that only a user's checks may need.
+"""Compute the columns of the results that are stored for a user's checks.
 
-With these columns, results contain all evidence for a user's check. The checks of vestige do not use these columns.
-Results contain these columns only if the scenario has user's checks. The columns are stored without rounding, so a
-campaign and `vestige.simulate` give a user's check the same evidence.
+With these columns, results contain all evidence for a user's check. Results contain all of these columns only if the
+scenario has user's checks. The checks of vestige at levels 2 and 3 also need two of the columns, `e1_doppler_hz` and
+`e6_power_db`. The columns are stored without rounding, so a campaign and `vestige.simulate` give a user's check the
+same evidence.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Compute the additional result columns of a sky: directions of the satellites, position fixes and their errors.
 
-The processor makes two position fixes. The fix `all` uses all E1 pseudoranges at every epoch. At every epoch with RECS,
-the fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates. The time
-`available_at_s` of this fix is the time at which the OSNMA key of the RECS is complete. Both fixes assume correct
-broadcast orbits.
+The processor makes two position fixes. The fix `all` uses all E1 pseudoranges at every epoch. At epochs with RECS, the
+fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates. This fix needs
+at least four of these ranges. The time `available_at_s` of this fix is the time at which the OSNMA key of the RECS is
+complete. Both fixes assume correct broadcast orbits.
 
 E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual on E1 is d/(γ − 1), where d is
 the residual of the delay difference E6 − E1, and γ is the squared ratio of the carrier frequencies of E1 and E6. The
-range check compares E6 with E1, so only d affects the range check.
+range check compares E6 with E1, so from the ionosphere only d affects the range check.
 
 The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange. The
 functions M and A of the elevation e come from `navigation.elevation_model`. A part of the ionosphere's variance is

@@ -47,10 +47,10 @@ def measure_chunk(
 def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iterator[Executor]:
     """Yield an executor with `workers` threads or processes; the exit of the context waits for running calls.
 
-    Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock. If `preload`
-    names modules, a server process without threads imports these modules while the caller continues. Each worker is a
-    fork of this server, so all workers together need a single import. Without fork servers, as on Windows, each worker
-    imports the modules that it needs.
+    Without `preload`, processes are started with `spawn`, because a fork of a process with threads may inherit a locked
+    lock. If `preload` names modules, a server process without threads imports these modules while the caller continues.
+    Each worker is a fork of this server, so all workers together need a single import. Without fork servers, as on
+    Windows, each worker imports the modules that it needs.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers")

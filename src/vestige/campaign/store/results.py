@@ -71,12 +71,12 @@ class Results:
 
     @property
     def scenario(self) -> StoredScenario:
-        """Scenario of the campaign. Raises `VestigeError` if the results have no scenario."""
+        """Scenario of the campaign; the property raises `VestigeError` if the results have no scenario."""
         return scenario_of(self.dataset)
 
     @property
     def attributes(self) -> RunAttributes:
-        """Attributes of the run. Raises `VestigeError` if an attribute is missing or out of its range."""
+        """Attributes of the run; the property raises `VestigeError` if an attribute is missing or out of its range."""
         return attributes_of(self.dataset)
 
     @property
@@ -190,12 +190,12 @@ def open_dataset(path: Path) -> xarray.Dataset:
 
 
 def load_small(path: Path, expected: str) -> xarray.Dataset:
-    """Return a zarr store of about 100 kB at most, such as a threat table, with all values in memory.
+    """Return a small zarr store, such as a threat table, with all values in memory.
 
     `expected` describes the expected store in the message of an error.
 
-    The function raises `InputFileError` if the folder is no store, the store is damaged, or its metadata give a size
-    above the limit.
+    The function raises `InputFileError` if the folder is no store, the store is damaged, or an array has more than
+    `MAX_LABELS_BYTES`.
     """
     check_files(path, expected)
     try:

@@ -101,7 +101,8 @@ def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
 def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[int, ...]) -> None:
     """Check that the file of a chunk is missing, or that its unpacked size is the size of the chunk's values.
 
-    The function raises `ValueError` if the file has another unpacked size, or does not state its unpacked size.
+    The size of texts is not known beforehand, so texts may have any size up to `MAX_LABELS_BYTES`. The function raises
+    `ValueError` if the file has another unpacked size, does not state its unpacked size, or is much too long.
     """
     path = folder.joinpath(name, "c", *map(str, index))
     try:

@@ -118,6 +118,7 @@ def mended(path: Path, plan: Plan) -> bool:
     """Write the damaged metadata and coordinates of a store again, and return whether the repair was possible.
 
     The repair is possible if the attributes of the store, or their digest in the group `progress`, agree with the plan.
+    Some readable metadata must also state the number of epochs in a chunk.
     """
     root, own = _attributes(path), _attributes(path / PROGRESS)
     if root != identity(plan) and own.get(WORK) != work_digest(identity(plan)):

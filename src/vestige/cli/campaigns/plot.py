@@ -233,7 +233,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
     if name in ("range-histogram", "range-offset"):
-        with suppress(VestigeError):  # results without their scenario have no limit of the range check
+        with suppress(VestigeError):  # results without the range check have no limit
             choice["limit_m"] = range_limit_m(results)
     if name == "range-histogram" and of.flank_from_m is not None:
         choice["right_flank"] = of.flank_from_m

@@ -66,7 +66,7 @@ def command(
     width: tuple[float, bool] | None,
     as_json: bool,
 ) -> None:
-    """Run the campaign SCENARIO and print the results of both detectors.
+    """Run the campaign SCENARIO and print the results of each detector.
 
     The same command continues a run that was stopped in any way. The results have the same bits as the results of a run
     without interruption.

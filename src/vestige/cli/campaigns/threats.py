@@ -187,7 +187,7 @@ def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenari
 def _measured(
     chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
 ) -> Iterator[SceneCell]:
-    """Yield the cells of the threat table; each run is stored when the run ends."""
+    """Yield the cells of the threat table; with `output`, each run is stored when the run ends."""
     from vestige.cli.progress import progress
     from vestige.threats.matrix import measure_threats
 

@@ -62,8 +62,9 @@ LIVE_GROUPS = {
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING while it is being written.
 
-    The verdicts of a RECS are printed as soon as its key is received, and alarms are printed at once. RECORDING is a
-    folder or file as for `vestige process`. With `-`, samples of E6 or of both bands are read from standard input.
+    The verdicts of a RECS, and alarms that follow from these verdicts, are printed as soon as the key of the RECS is
+    received. RECORDING is a folder or file as for `vestige process`. With `-`, samples of E6 or of both bands are read
+    from standard input.
     """
     check_usage(recording_path, options)
     processor = processor_from_options(options)

@@ -1,6 +1,6 @@
 """Define the objects that `--json` prints, and generate the JSON schemas of these objects.
 
-Times are text as in the table of verdicts, and a number that was not measured is null.
+Times are text, except week and second of GST. A number that was not measured is null.
 """
 
 from __future__ import annotations

@@ -280,7 +280,10 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> TrackedRecording | None:
-    """Return the result of tracking E1; None if observations are given, or E1 is too short to track.
+    """Return the result of tracking E1; None if E1 is not tracked.
+
+    E1 is not tracked without E1 samples, or with `--no-track`. Without the option `--track`, E1 is not tracked either
+    if observations are given, or if E1 is shorter than `MIN_TRACKED_S`.
 
     The assistance folder `folder` and the other inputs are opened before tracking, because tracking takes long.
     """

@@ -272,8 +272,8 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
     """Return the name of the C/N0 estimator for E1.
 
-    `measured` says whether E1 is measured in the samples around each RECS. Raises a usage error if `--cn0-estimator` is
-    given, but `measured` is false.
+    `measured` says whether E1 is measured in the samples around each RECS. The function raises a usage error if
+    `--cn0-estimator` is given, but `measured` is false.
     """
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")

@@ -34,7 +34,7 @@ def processor_from_options(
     Raises
     ------
     click.UsageError
-        If options exclude each other.
+        If two checks have the same name, or the bank of correlators is too short or too long.
     """
     from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget

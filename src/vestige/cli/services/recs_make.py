@@ -45,8 +45,8 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
     The command writes all files that `vestige process --assistance` needs: RECS, BGD (zero, because the true values are
     not known), the keys and their trust anchor. RECS that are made in this way contain the open code, which everybody
     knows and which repeats after 100 ms. RECS with the open code test all steps of the processing, but prove nothing
-    against a spoofer. The exhaustive search does not use RECS with the open code. The hand-over search counts peaks
-    that are whole multiples of 100 ms apart as a single peak.
+    against a spoofer. The exhaustive search of level 3 does not use RECS with the open code, unless `--search-window`
+    is below 0.5 ms. The hand-over search counts peaks that are whole multiples of 100 ms apart as a single peak.
     """
     import json
 

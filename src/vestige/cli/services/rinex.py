@@ -19,8 +19,8 @@ def command(results_path: Path, output: Path) -> None:
     """Write the E1 observations and the ephemerides of RESULTS as RINEX 3.05, and print the files.
 
     RESULTS is the store of `vestige run` of a scenario with [constellation]. The observations are pseudorange, Doppler
-    and C/N0 of all satellites at every epoch. The observations belong to the signal that the receiver tracked, which
-    may be the spoofing signal during an attack.
+    and C/N0 of the tracked satellites at every epoch. The observations belong to the signal that the receiver tracked,
+    which may be the spoofing signal during an attack.
     """
     from vestige.campaign.rinex_export import COMMAND, export_rinex
     from vestige.campaign.store.results import open_results

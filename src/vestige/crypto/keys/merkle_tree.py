@@ -96,8 +96,8 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
     If the claim has no leaf, the leaf comes from the tree's entry with the number of the claim. If the claim has no
     number, number and leaf come from the tree's entry with the point of the claim.
 
-    The function raises `AuthenticationError` if the tree lacks the key, or a sibling on the way from its leaf to the
-    root, or if the key leads to another root.
+    The function raises `AuthenticationError` if number or leaf of the claim remain unknown, or if the key leads to
+    another root. The error is also raised if the tree lacks a sibling on the way from the leaf to the root.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -114,7 +114,8 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
     """Verify all public keys of a published tree against the root of the tree, and return the keys.
 
-    The function raises `AuthenticationError` if a public key, or a published node above it, does not lead to the root.
+    The function raises `AuthenticationError` if a public key does not lead to the root, or if the tree lacks a sibling
+    on the way from the leaf of a key to the root.
     """
     return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
 

@@ -1,8 +1,8 @@
 """Read files with OSNMA's public key and Merkle tree.
 
 The European GNSS Service Centre publishes key and tree as XML. Public keys also come as PEM, and as loose XML elements
-without a common root. A public key is therefore read element by element, without an XML parser. The functions that read
-a single file return untrusted keys (see `public_key` and `merkle_tree`).
+without a common root. A public key is therefore read element by element, without an XML parser. `read_public_key` and
+`read_merkle_tree` return untrusted keys (see `public_key` and `merkle_tree`).
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
 def read_merkle_tree(path: Path) -> MerkleTree:
     """Return the unverified Merkle tree of an XML file.
 
-    The function raises `InputFileError` if the file is not a complete Merkle tree publication. The function raises
-    `UnsupportedError` if the tree has another shape, hash function or kind of key than the Merkle tree of OSNMA.
+    The function raises `InputFileError` if the file is not a Merkle tree publication, or lacks the root of the tree.
+    The function raises `UnsupportedError` if the tree has another shape, hash function or kind of key than the Merkle
+    tree of OSNMA.
     """
     text = _read_text(path)
     try:
@@ -81,7 +82,8 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
     """Verify the public keys in a public key file, a Merkle tree file, or both, and return the verified keys.
 
     With a Merkle tree every key is verified against the root of the tree, including the keys in the tree's own file.
-    Without a Merkle tree the public key is used because the user trusts it.
+    If both files are given, only the key of the public key file is returned. Without a Merkle tree the public key is
+    used because the user trusts the key.
 
     The function raises `AuthenticationError` if a key does not lead to the root of the tree. The function raises
     `InputFileError` or `UnsupportedError` if a file cannot be read. The function raises `ValueError` if neither file is

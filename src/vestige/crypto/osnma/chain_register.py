@@ -4,8 +4,9 @@ The NMA header of a subframe says whether OSNMA may be used, but anybody can for
 signed together with each DSM-KROOT. So the status follows from verified root keys, in the order of their reception:
 
 * A root key with the status "don't use" withdraws all chains.
-* A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
-  force. "Public key revoked" also revokes the public keys before the key that signed the root key.
+* A root key with "chain revoked" or "public key revoked" withdraws all chains. Only the chain of this root key stays
+  usable, if the root key says "test" or "operational" and names its own chain as in force. "Public key revoked" also
+  revokes the public keys before the key that signed the root key.
 * A withdrawn chain becomes usable again only with its own root key. This root key must say "test" or "operational",
   and must certainly be newer than the withdrawal. A root key with a time after the withdrawal is newer, because no key
   of the chain is public before its time. A root key of the chain that the withdrawal announced as next chain is newer,
@@ -132,7 +133,7 @@ class ChainRegister:
         """Return the reason why a key that was validated before may not be used; "" if the key may be used.
 
         The key may come from another run of the program. The key counts as a key of the first chain that contains the
-        key. If no chain contains the key, the root key of its chain was refused. A key without an accepted root key is
+        key. If no chain contains the key, no root key of its chain was accepted. A key without an accepted root key is
         refused from the first withdrawal on.
         """
         if not self._withdrawals:

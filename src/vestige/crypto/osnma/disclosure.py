@@ -50,8 +50,8 @@ def provably_before_disclosure(
 def tags_prove_data(time_uncertainty_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Return whether verified tags prove navigation data, for each upper limit of the receiver clock's error in s.
 
-    A tag is sent a subframe before the key of the tag. If the receiver clock may be wrong by a subframe or more,
-    somebody may have made the tag after the disclosure of the key [OSNMA-RG].
+    A tag is sent at least a subframe before the key of the tag. If the receiver clock may be wrong by a subframe or
+    more, somebody may have made a tag of ADKD 0 or 4 after the disclosure of its key [OSNMA-RG].
     """
     return provably_before_disclosure(np.full(time_uncertainty_s.shape, float(SUBFRAME_S)), time_uncertainty_s)
 

@@ -1,8 +1,8 @@
 """Collect digital signature messages from the blocks that the satellites send.
 
 Blocks are collected in two ways. The collection from all satellites together is fast. The separate collection from each
-satellite ensures that a satellite with false blocks cannot prevent the completion of a message. A complete message is
-not trusted before its signature is verified.
+satellite ensures that a satellite with false blocks cannot prevent the completion of another satellite's message. A
+complete message is not trusted before its signature is verified.
 
 A message is returned again when it comes with an earlier time of reception than before. The time of reception is not
 signed, so the first time may be false. A withdrawal has to count from the earliest time. The verifier stores its
@@ -86,11 +86,11 @@ class DsmCollector:
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
 
-        The function raises `UnsupportedError` if the message has a reserved length.
+        The function raises `UnsupportedError` if block 0 gives a reserved number of blocks.
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:
-            # A zero in the last page counts as transmitted if another subframe has the same HKROOT message.
+            # A zero in the last page counts as transmitted if a subframe at another time has the same HKROOT message.
             first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
             hkroot = subframe.hkroot_if_sent if first != subframe.time else None
         return [] if hkroot is None else self._add(subframe, hkroot)

@@ -35,7 +35,7 @@ class DsmVerifier:
         self._register = register
         self._problems = problems
         self._collector = DsmCollector()
-        self._place: dict[DsmMessage, int] = {}  # index of each message in `roots`
+        self._place: dict[DsmMessage, int] = {}  # index of each DSM-KROOT in `roots`
         self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # verified root keys by NMA header and message
         self.roots: list[RootCheck] = []
         self.alerts: list[GalileoTime] = []
@@ -95,7 +95,7 @@ class DsmVerifier:
         self.roots.append(self._check_root(message, time))
 
     def _check_root(self, message: DsmMessage, time: GalileoTime) -> RootCheck:
-        """Verify a root key, and enter the root key in the register if its signature is correct."""
+        """Verify a root key, enter a verified root key in the register, and return the result of the verification."""
         kroot, root, reason, kind, on_known_chain = None, None, "", ProblemKind.ROOT_KEY, False
         try:
             kroot = parse_kroot(message.data)

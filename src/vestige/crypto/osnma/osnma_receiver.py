@@ -80,8 +80,8 @@ class _Claim:
 class OsnmaReceiver:
     """Receiver that verifies OSNMA page by page.
 
-    Broadcast public keys that lead to the root of `tree` are used. Without `tree`, broadcast public keys are only
-    reported.
+    A broadcast public key is used if it leads to the root of `tree` and is newer than the known public keys. Without
+    `tree`, broadcast public keys are only reported.
 
     Attributes
     ----------
@@ -119,8 +119,9 @@ class OsnmaReceiver:
     def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
         """Add root keys from another source, and return the keys that become valid.
 
-        With these root keys, keys are valid before the DSM-KROOT of their chain is received. Only the received
-        DSM-KROOT can show whether the chain was withdrawn after the reception of these root keys.
+        With these root keys, keys are valid before the DSM-KROOT of their chain is received. Only a DSM-KROOT or an
+        alert message that is received later can show whether the chain was withdrawn after the reception of these root
+        keys.
         """
         n_chains, n_changes = len(self._register.chains), self._register.n_changes
         for root in sorted(roots, key=lambda root: root.received_at):
@@ -312,11 +313,11 @@ class OsnmaReceiver:
     def _withhold(self, key: ValidatedKey, reason: str) -> None:
         time = key.time.gst_seconds
         self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
-        self._keys.pop(time, None)  # key of the same subframe if a recording is read twice
+        self._keys.pop(time, None)  # stored key, if the withdrawal came later or a recording is read twice
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:
-        """Withhold the keys that a new signed status refuses, and drop the claims of unsigned headers."""
+        """Withhold the keys that a new signed status refuses, and stop waiting for proofs of forged headers."""
         self._claims.clear()
         for key in tuple(self._keys.values()):
             refusal = self._register.refusal_of(key)

@@ -26,7 +26,7 @@ class ProblemKind(Enum):
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
     TIME = "time"  # the time in a navigation word differs from the time of the recording
-    IGNORED = "ignored"  # content that is valid but not used, or that is not supported
+    IGNORED = "ignored"  # content that is not used, such as a message that vestige does not support or cannot verify
 
 
 FAILING = (ProblemKind.ROOT_KEY, ProblemKind.KEY)  # the root key or the chain does not verify
@@ -123,9 +123,9 @@ class TagCounts:
     """Counts of the MACSEQ fields and the tags."""
 
     macseq: Count = field(default_factory=Count)
-    # numbers of checked tags with a cut-off point other than 0, by kind of data
+    # numbers of checked tags by kind of data; a dummy tag counts only if the MAC look-up table does not allow the tag
     by_adkd: Mapping[int, Count] = field(default_factory=dict)
-    dummy: int = 0  # number of tags with the cut-off point 0
+    dummy: int = 0  # number of dummy tags (cut-off point 0) whose navigation data was received
     # number of unchecked tags whose navigation data was not received, or may have changed during a gap
     no_data: int = 0
     no_key: int = 0  # number of unchecked tags whose key was not received
@@ -166,7 +166,7 @@ class OsnmaReport:
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     withheld: tuple[WithheldKey, ...]  # valid keys that must not be used because of a signed or unsigned status
-    alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
+    alerts: tuple[GalileoTime, ...]  # first subframe in which an alert message was verified; empty without an alert
     chain_steps: Count  # numbers of keys after the first key; a key verifies if it leads to a validated key
     tags: TagCounts
     navigation: tuple[AuthenticatedData, ...]  # navigation data that tags verified

@@ -1,9 +1,9 @@
 """Decide whether an unsigned "don't use" in a satellite's header is true, from the tags of the subframe.
 
 Without this decision, the receiver would lose a key with each forged header. But every tag also covers the status in
-the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with
-"test" or "operational", the satellite sent this status, and the header is forged. The receiver then uses the key of the
-subframe, 30 s late.
+the header [OSNMA-ICD, 6.7]. The key of the next subframe verifies all tags except the tags of the slow MAC (ADKD 12).
+If a tag verifies with "test" or "operational", the satellite sent this status, and the header is forged. The receiver
+then uses the key of the subframe, 30 s late.
 """
 
 from __future__ import annotations

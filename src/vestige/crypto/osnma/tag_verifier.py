@@ -72,7 +72,7 @@ class TagVerifier:
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))
 
     def key_arrived(self, chain: Chain, time: GalileoTime) -> None:
-        """Do all checks whose key is now known; lost keys before `time` follow from the key of `time`."""
+        """Do the checks with the key of `time`, and with keys up to `MAX_RECOVERY_S` older, derived from later keys."""
         pending = self._pending.get(chain, {})
         now = time.gst_seconds
         for due in sorted(key_time for key_time in pending if now - MAX_RECOVERY_S <= key_time <= now):

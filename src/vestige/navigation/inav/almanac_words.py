@@ -63,7 +63,7 @@ class AlmanacEntry:
 
     @classmethod
     def from_ephemeris(cls, ephemeris: Ephemeris, t0a: GalileoTime) -> AlmanacEntry | None:
-        """Return the almanac entry of a satellite; None if the orbit does not fit into the fields.
+        """Return the almanac entry of a satellite; None if orbit or clock does not fit into the fields.
 
         Parameters
         ----------

@@ -1,9 +1,9 @@
 """Encode and decode the ephemeris of a satellite in the I/NAV words 1 to 5 [OS-ICD, 4.3.5].
 
 A toe or toc in the message counts minutes of a week that the message does not name. The decoder uses the week that
-gives the time nearest to reception. A decoded ephemeris is encoded to the same bits again. Values of any other
-ephemeris are rounded to the steps of the message. `as_broadcast` returns the ephemeris that a receiver decodes after
-the rounding.
+gives the time nearest to reception. From a decoded ephemeris, the encoder restores the field values of words 1 to 4,
+but a spare SISA index becomes 255. Values of any other ephemeris are rounded to the steps of the message.
+`as_broadcast` returns the ephemeris that a receiver decodes after the rounding.
 """
 
 from __future__ import annotations

@@ -177,6 +177,6 @@ NO_GPS_TIME = {"a0g_s": -1, "a1g": -1, "t0g_s": 255, "ggto_week": 63}
 
 
 def _with_week(low: int, second: int, weeks: int, received: GalileoTime) -> GalileoTime:
-    """Return the time nearest to reception whose week is `low` modulo `weeks`."""
+    """Return the time whose week is `low` modulo `weeks` and nearest to the week of reception."""
     week = received.week + (low - received.week + weeks // 2) % weeks - weeks // 2
     return GalileoTime(max(week, 0), second % SECONDS_PER_WEEK)

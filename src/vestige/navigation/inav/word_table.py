@@ -1,8 +1,8 @@
 """List the fields of every I/NAV word, as the interface document does [OS-ICD, 4.3.5].
 
-Only this table contains the positions of the fields. Every word has 128 bits and begins with six bits of type. Names
-and units are the same as in `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved bits carry the
-pattern that satellites send.
+Encoder and decoder take the positions of the fields from this table. Every word has 128 bits and begins with six bits
+of type. Names and units are the same as in `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved
+bits carry the pattern that satellites send.
 """
 
 from __future__ import annotations

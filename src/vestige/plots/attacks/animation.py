@@ -29,7 +29,7 @@ from vestige.plots.figure import (
     new_axes,
 )
 
-FRAMES = 120  # largest number of frames; if a run has more epochs, every k-th epoch is shown
+FRAMES = 120  # largest number of frames; if the results have more epochs, every k-th epoch is shown
 FRAMES_A_S = 10
 ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}

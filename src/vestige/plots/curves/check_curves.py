@@ -11,7 +11,7 @@ from vestige.campaign.statistics import Proportion
 from vestige.plots.curves.sweep_curves import COLOURS
 from vestige.plots.figure import dress, legend, new_axes
 
-_APART = 0.006  # distance between the curves as a share of the width of the axes
+_APART = 0.006  # distance between the curves as a share of the range of the strengths
 
 
 def check_curves(
@@ -23,7 +23,7 @@ def check_curves(
     log: bool = False,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the share of runs in which each check failed against the strength of an attack, and return the axes.
+    """Draw, against the strength of an attack, the share of runs in which each check failed, and return the axes.
 
     The strengths ascend. `seen` gives for each check, at each strength, the share of runs in which the check failed,
     with its confidence interval. `label` is the label of the axis of strengths. The axis of strengths is logarithmic if

@@ -54,10 +54,10 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     """Draw the relative frequency of an event against C/N0 with confidence intervals and theory, and return the axes.
 
     The confidence interval is the Clopper–Pearson interval, which contains the true probability in at least 95 % of all
-    sweeps. In log scale a count of 0 is drawn not as a dot, but as an arrow that points down from the upper end of the
-    interval. Theory applies to a single correlator that is aligned with the signal. A sweep that does not vary C/N0 is
-    drawn against the first varied key of the scenario whose values are numbers. A sweep of several keys has a curve for
-    each combination of values of the keys that are not the abscissa.
+    sweeps. In log scale an arrow that points down from the upper end of the interval stands for a count of 0. Theory
+    applies to a single correlator that is aligned with the signal. A sweep that does not vary C/N0 is drawn against the
+    first varied key of the scenario whose values are numbers. A sweep of several keys has a curve for each combination
+    of values of the keys that are not the abscissa.
 
     Parameters
     ----------

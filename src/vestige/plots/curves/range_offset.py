@@ -23,11 +23,11 @@ def range_offset(
     limit_m: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with the range offset (measured minus predicted E6 range) against time, with a dot for each epoch.
+    """Return axes with a dot for each range offset (measured minus predicted E6 range) against time.
 
-    An offset is positive if the signal arrives later than predicted. Epochs in which nothing is detected have no offset
-    and are drawn as ticks in a strip below the offsets. A dashed line marks the edge of the bank of correlators if
-    offsets come near this edge. The offset of a signal beyond the edge is measured at the edge.
+    An offset is positive if the signal arrives later than predicted. Epochs with a correlation but without a detection
+    have no offset and are drawn as ticks in a strip below the offsets. A dashed line marks the edge of the bank of
+    correlators if offsets come near this edge. A signal beyond the edge is measured near the edge, or is not detected.
 
     Parameters
     ----------

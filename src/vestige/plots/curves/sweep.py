@@ -56,8 +56,8 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     as `detections_early`. Columns before `cn0_dbhz` contain the scenario's keys that the sweep varies. The values of
     the keys are kept as text in the variables `key NAME`. Other columns are ignored.
 
-    The function raises `InputFileError` if the file is no CSV table, or lacks these columns, or has values of another
-    kind.
+    The function raises `InputFileError` if the file is no CSV table, lacks the column `cn0_dbhz` or has no row, or if a
+    value in one of the columns above is not a valid number.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

@@ -1,1 +1,1 @@
-"""Draw correlators and search results from exact models, without samples."""
+"""Draw correlators and search results from models, without samples."""

@@ -1,4 +1,4 @@
-"""Draw banks of correlators from their exact distribution without samples, for the `correlators` fidelity.
+"""Draw banks of correlators from their distribution without samples, for the `correlators` fidelity.
 
 For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The
 covariance of the noise in two taps is proportional to the autocorrelation R of the replica. R_e is the correlation
@@ -9,10 +9,10 @@ the amplitude a_r, the delay τ_r after the hand-over's prediction and the resid
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
     R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
-A_d is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular chips. The
-outputs are normalised so that the line of sight alone gives 1 in a tap at its delay. The model is exact for continuous
-time without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show.
-Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
+A_d for d ≥ 1 is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular
+chips. The outputs are normalised so that the line of sight alone gives 1 in a tap at its delay. The model is exact for
+continuous time without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the
+tests show. Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
 With several satellites, the other signals on air count as white noise (`other_signals`). Under attack, spoofing signals
 are further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap.

@@ -54,8 +54,8 @@ def drawn_disturbance(
 ) -> Disturbance:
     """Draw the disturbance that the effects of an attack cause in the epochs from `first` on.
 
-    The disturbance does not depend on the division of the epochs into blocks, because each block has its own stream of
-    draws. `labels` are further parts of the stream's name, such as an SVID.
+    The disturbance of an epoch does not depend on how the caller divides the epochs. Each block of `DRAW_BLOCK` epochs
+    has its own stream of draws. `labels` are further parts of the stream's name, such as an SVID.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2

@@ -12,7 +12,8 @@ pole at 4B rad/s. If the phase between two signals changes slowly, the amplitude
 between two signals changes fast, the powers of the signals add. The loop settles at a stable zero of P(x − d/2) − P(x +
 d/2), where d is the early-late spacing. When the signals change, the loop moves to the nearest zero in the direction of
 its discriminator. So the position of the loop depends on earlier positions. A loop stays on the peak that the loop
-already tracks. The model computes steps of 0.1 s, which are short enough for pull-off rates up to 100 m/s.
+already tracks. If the epochs are at most 30 s apart, the model computes steps of at most 0.1 s, which are short enough
+for pull-off rates up to 100 m/s. With longer intervals the model computes 300 steps for each epoch.
 
 **Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
 more power than the true signal, the loop follows the spoofing signal at any phase. With equal or less power the
@@ -22,8 +23,9 @@ captures a locked loop.
 **Lock.** A receiver acquires the strongest signal if the C/N0 in the prompt correlator falls below the lock limit, or
 if an attack restarts the receiver (`acquired`). The lock limit is 20 dBHz, or 6 dB below the undisturbed C/N0 if this
 value is lower. Acquisition takes `reacquisition_s`, during which a signal above the lock limit must be present. E1 has
-no measurements until the end of the acquisition. When a spoofing signal that the loop follows ends, the receiver
-acquires the true signal again. At the first epoch the receiver has already completed its acquisition.
+no measurements until the end of the acquisition. When a spoofing signal that the loop follows ends and no other signal
+keeps the loop locked, the receiver acquires the strongest signal that is left. At the first epoch the receiver has
+already completed its acquisition.
 
 `REACQUISITION_S` is the reacquisition time of the tracking receiver on samples (`sample_processor.tracking`). The
 tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples, and the pull-in of the
@@ -167,7 +169,7 @@ class E1Loop:
             self._place, self._wait = float(place[-1]), int(wait[-1])
         epoch = slice(self._steps - 1, None, self._steps)
         error_m = place.reshape(count, self._steps) * _METRES_A_CHIP
-        # an epoch without a measurement counts as an epoch without error
+        # a step without a measurement counts as a step without error
         measured_m = np.where(wait.reshape(error_m.shape) > 0, 0.0, error_m)
         worst = np.argmax(np.abs(measured_m), axis=1) if count else np.zeros(0, np.int64)
         acquiring = wait[epoch] > 0

@@ -48,7 +48,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier, because the early power is at least the late power."""
+    """Return whether the loop at x moves earlier, which means that the early power is at least the late power."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -111,7 +111,7 @@ def strongest(levels, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
-    """Return for each step the loop's delay, power and strongest signal in the prompt correlator, and the wait.
+    """Return for each step the loop's delay, the power and strongest signal in the prompt correlator, and the wait.
 
     The wait is the number of steps until a receiver that acquires a signal tracks again. The wait is 0 while the
     receiver tracks.

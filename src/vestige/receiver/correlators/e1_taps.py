@@ -65,7 +65,7 @@ class Arriving(NamedTuple):
 
 
 def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
-    """Return line of sight, reflections and spoofing signals of a satellite, with the parameters of `e1_taps`."""
+    """Return line of sight, reflections and spoofing signals of a satellite; for the parameters see `e1_taps`."""
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     return Arriving(
         amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
@@ -89,7 +89,7 @@ def e1_signals(
     with_rays: bool,
     pulse: Pulse,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return the correlators ξ without noise for signals of the given pulse, with the other parameters of `e1_taps`."""
+    """Return the correlators ξ without noise for signals of a given pulse; for the other parameters see `e1_taps`."""
     arrived = arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
     strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
@@ -113,7 +113,7 @@ def e1_taps(
     """Return the correlators ξ of a satellite that is alone on air with BOC(1,1), before the gain control.
 
     `cn0_dbhz` is the C/N0 of the true signal without interference. `multipath_m` is the pseudorange error that
-    reflections cause.
+    reflections cause. `with_rays` says whether the correlators receive the reflections.
     """
     signals = e1_signals(truth, cn0_dbhz, multipath_m, with_rays=with_rays, pulse=BOC11)
     return signals + receiver_noise(truth, seed=seed, svid=svid, first=first)

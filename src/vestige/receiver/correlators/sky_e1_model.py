@@ -59,7 +59,8 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.streams import stream
 
-_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # filtered signals that are more than 4 chips apart do not overlap
+# the overlap of filtered signals that are more than 4 chips apart, at most 4 %, is neglected
+_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)
 
 
 def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:

@@ -3,8 +3,8 @@
     Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) for each axis and interval
 
 The axes point east, north and up, and gravity is removed. b is the bias of an axis that remains after the alignment. b
-is drawn once for each axis. A tilt by the angle b/g has the same effect as b, because gravity then has a component
-along a horizontal axis.
+is drawn once for each axis. A tilt by the angle b/g has the same effect as the bias b of a horizontal axis, because
+gravity then has a component along this axis.
 """
 
 from __future__ import annotations
@@ -45,7 +45,10 @@ class Accelerometers:
     def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
-        """Return the measured gain of velocity since the previous epoch (east, north, up); NaN in the first epoch."""
+        """Return the measured gain of velocity (east, north, up) since the previous epoch in m/s.
+
+        The values of the first epoch are NaN.
+        """
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0
         now, before = trajectory.motion(time_s), trajectory.motion(np.where(started, begun, time_s))

@@ -60,8 +60,8 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Read residuals in m from a CSV file with the header `e6_minus_e1_m` and one number on each line.
 
-    The function raises `InputFileError` if the file cannot be read, has another header, has no sample, or has an
-    implausible number.
+    The function raises `InputFileError` if the file cannot be read, has another header, has no sample, has an
+    implausible number, or does not end with a line end.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != IONOSPHERE_COLUMN:
@@ -83,6 +83,6 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
 
 
 def _text(path: Path) -> str:
-    """Return the contents of a regular file of limited size as text, one character for each byte."""
+    """Return the contents of a regular file of limited size as Latin-1 text, without a byte-order mark."""
     data = read_bytes(path, at_most=LARGEST_FILE)
     return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

@@ -57,7 +57,10 @@ class ClockModel(Protocol):
     """Model of a receiver clock."""
 
     def process(self, streams: Streams) -> SeveralProcess:
-        """Return a realisation from the receiver's streams, which gives bias times c in m and its rate in m/s."""
+        """Return a realisation from the receiver's streams.
+
+        `advance` of the realisation returns the clock's bias times c in m, and the rate of this bias in m/s.
+        """
         ...
 
 
@@ -71,7 +74,7 @@ class IonosphereModel(Protocol):
     """
 
     def process(self, streams: Streams) -> Any:
-        """Return a realisation for one satellite from its streams, which satisfies `ErrorProcess`."""
+        """Return a realisation for one satellite from its streams; the realisation satisfies `ErrorProcess`."""
         ...
 
 

@@ -15,10 +15,11 @@ correlation of z in time.
 
 * `iid`: all epochs are independent, which suits histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation time along a Galileo pass. A campaign of
-  100,000 s has only about 14 independent values. In a second the residual changes by 1.7 % of its standard deviation,
-  or 2 cm. A change of 2 cm is half a radian of the E6 carrier, so carrier phases need `smooth`.
-* `smooth`: z is a Gauss-Markov process of second order with τ = 2 h, so z has a rate. In a second the residual changes
-  by 0.03 % of its standard deviation, or 0.4 mm. So E6 carrier phases can be compared with E1 carrier phases.
+  100,000 s has only about 14 independent values. In a second z changes by 1.7 % of its standard deviation. For
+  σ = 1.24 m the residual changes by 2 cm, half a radian of the E6 carrier, so carrier phases need `smooth`.
+* `smooth`: z is a Gauss-Markov process of second order with τ = 2 h, so z has a rate. In a second z changes by 0.03 %
+  of its standard deviation. For σ = 1.24 m the residual changes by 0.4 mm, so E6 carrier phases can be compared with
+  E1 carrier phases.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are fitted to the difference between two
 broadcast models, NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of the
@@ -69,8 +70,8 @@ class HeavyTailedIonosphere:
         Correlation time τ of z in s.
     code_only
         Whether the residual delays the codes and has no effect on the carriers. A real ionosphere advances the
-        carriers. With `iid`, however, the draws are independent, so the carriers would jump by whole cycles from epoch
-        to epoch.
+        carriers. With `iid`, however, the draws are independent, so the carriers would jump by several cycles from
+        epoch to epoch.
     """
 
     core_sigma_m: float
@@ -94,7 +95,7 @@ class HeavyTailedIonosphere:
 
     @classmethod
     def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
-        """Return the model for 2014 and elevations of 5 to 30°: rms 1.73 m, P(e > 10 m) = P(e < −10 m) = 1e-4."""
+        """Return the model for 2014 and elevations of 5 to 30°: rms 1.73 m, P(e > 10 m) = P(e < −10 m) ≈ 1e-4."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod

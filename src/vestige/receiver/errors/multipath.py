@@ -5,8 +5,9 @@ Theory of operation
     y(t) = x(t) + Σ_i a_i e^{jφ_i(t)} x(t − τ_i)
 
 * The excess delay τ has an exponential distribution of mean μ, cut at 500 ns.
-* The strength has a Rayleigh distribution with the mean square 10^(G/10)/N for N reflections, where G = G0 − s τ in dB.
-  So for s = 0, G0 is the mean power of all reflections together relative to the line of sight.
+* The strength has a Rayleigh distribution with the mean square 10^(G/10)/N, where G = G0 − s τ in dB. N is the number
+  of reflections, or the mean of the Poisson distribution. So for s = 0, G0 is the mean power of all reflections
+  together relative to the line of sight.
 * The phase is uniform at first, and then changes with the Doppler f_i = (v/λ) cos ψ_i. The angle ψ_i is uniform, and v
   is the receiver's speed.
 * The lifetime is exponential, so a reflection ends in a step dt with probability 1 − e^{−r dt}, whatever its age. The
@@ -15,8 +16,9 @@ Theory of operation
 * The number of reflections is fixed, or has a Poisson distribution with a maximum. A new number of reflections is drawn
   at the rate r.
 
-A reflection has the same strength on E1 and E6, but different phases. The phases differ by (f1 − f6) τ cycles, which is
-about one cycle for each metre of excess delay. So the multipath errors of E1 and E6 are practically independent.
+A reflection has the same strength on E1 and E6, but different phases. At first the phases differ by (f1 − f6) τ cycles,
+which is about one cycle for each metre of excess delay. So the multipath errors of E1 and E6 are practically
+independent.
 
 The distributions above are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681]. The
 houses and trees of the channel's model are left out. The power of the preset `elevation-5-30` is calibrated to the 52

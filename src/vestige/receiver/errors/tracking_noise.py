@@ -156,7 +156,7 @@ def noise_growth(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return the factors by which code and Doppler noise change if the C/N0 is `gain_db` above the nominal C/N0.
 
-    Between whole dB the logarithms of the factors are interpolated, with an error of 1e-3.
+    Between whole dB the logarithms of the factors are interpolated, with a relative error of the factors below 1e-3.
     """
     low, high = math.floor(np.min(gain_db, initial=0.0)), math.ceil(np.max(gain_db, initial=0.0))
     grid_db = np.arange(low, high + 1)

@@ -12,9 +12,9 @@ change. Sampling folds sidelobes into the band, and a filter *behind* the sample
 samples can be made and filtered at a multiple of the front end's rate, and are then decimated. The steps of the
 correlation function remain (`staircase.py`).
 
-**Gain and quantiser.** The gain control sets the rms over the snapshot to the level with the smallest loss of the
-quantiser (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the
-quantiser.
+**Gain and quantiser.** The gain control sets the rms over the processed samples, a snapshot or a stretch of a
+recording, to the level with the smallest loss of the quantiser (`quantiser.py`). Without gain control the gain is right
+for noise alone, and a jammer saturates the quantiser.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class FrontEnd:
     bits
         Bits per dimension, 1, 2, 3 or 8; None for no quantiser and no gain.
     agc
-        Whether the gain follows the power of the snapshot. If `agc` is false, the front end has the gain for noise
-        alone.
+        Whether the gain follows the power of the processed samples. If `agc` is false, the front end has the gain for
+        noise alone.
     oversampling
         Ratio of the input rate to `sample_rate_hz`.
     transition_hz

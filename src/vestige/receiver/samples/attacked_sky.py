@@ -101,10 +101,10 @@ class ReceivedSpoofingSignal:
 
         The effect of the pseudorange is not included.
 
-        `cycles` is the carrier phase at the start, the middle and the end of the stretch. `cycles` contains neither
-        whole cycles nor the effect of the pseudorange. The whole cycles are computed from a Doppler that has no step
-        where the delay has a corner. For a delay line this Doppler leaves out the effect of the pseudorange. For any
-        other carrier this Doppler follows from the phase law.
+        `cycles` is the carrier phase at the start, the middle and the end of the stretch, without the effect of the
+        pseudorange. The whole cycles in `cycles` are arbitrary. The right number of whole cycles is computed from a
+        Doppler that has no step where the delay has a corner. For a delay line this Doppler leaves out the effect of
+        the pseudorange. For any other carrier this Doppler follows from the phase law.
         """
         to_cycles, k = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS, self.number
         own_hz = effects.doppler_hz[:, k]
@@ -151,7 +151,10 @@ class ReceivedSpoofingSignal:
 
 
 def _straight(strength: Float[np.ndarray, " 3"], stretch_s: float) -> tuple[float, float]:
-    """Return the strength in the middle of a stretch, and its relative growth per s; 0 at a switch on or off."""
+    """Return the strength in the middle of a stretch, and its relative growth per s.
+
+    The growth is 0 if the signal is off at the start, in the middle or at the end of the stretch.
+    """
     begin, middle, end = (float(one) for one in strength)
     if not (begin and middle and end):
         return middle, 0.0

@@ -1,7 +1,8 @@
 """Interpolate the truth of a simulation between its epochs, for recordings without gaps.
 
-A `Simulation` has errors at every epoch t_k, the time at which a RECS is sent. The simulation applies these errors when
-the RECS is received. A recording covers all epochs without a gap:
+A `Simulation` has errors at every epoch t_k. The epoch is the time at which chips are sent: the chips of a RECS, if the
+epoch has a RECS. The simulation applies the errors of the epoch when these chips are received. A recording covers all
+epochs without a gap:
 
     P(t) = s(t) + clock(t) + troposphere(t)      s: exact geometry; clock: cubic through the t_k with the drift as slope
     E1:  code later by I, carrier earlier by I   ionosphere I = iono_diff/(γ − 1) + broadcast model, only under a sky
@@ -9,8 +10,8 @@ the RECS is received. A recording covers all epochs without a gap:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
-In the middle of the reception of an epoch's chips, all errors have the values of the epoch and a rate near zero.
-Between two epochs the errors change to the values of the next epoch without a step. Delays and strengths follow half a
+In the middle of the reception of an epoch's chips, delays and strengths have the values of the epoch and a rate near
+zero. Between two epochs delays and strengths change to the values of the next epoch without a step, along half a
 cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of the two epochs. A RECS in the
 recording therefore equals the RECS of `LineOfSightSamples`, except for the carrier phase and for micrometres of range.
 So tracking loops receive a signal without jumps.
@@ -109,9 +110,10 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band, which has the values of an epoch while the epoch's RECS arrives.
+        """Return the propagation in a band.
 
-        `duration_s` is the duration of a RECS.
+        In the middle of the reception of a RECS, the propagation has the values of the epoch of the RECS. `duration_s`
+        is the duration of a RECS.
         """
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
@@ -186,7 +188,7 @@ class ContinuousPropagation:
     ) -> dict[str, Float[np.ndarray, " k"]]:
         """Return the reflections at the fraction `u` of the interval after knot `left`.
 
-        Outside the knots, the reflections are extrapolated by `beyond` intervals.
+        Outside the knots, the phases of the reflections are extrapolated by `beyond` intervals.
         """
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:

@@ -43,7 +43,7 @@ from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
-SAMPLE_RATE_HZ = 4e6  # sampling rate, which is not a small multiple of the chip rate
+SAMPLE_RATE_HZ = 4e6  # sampling rate, which is no whole multiple of the chip rate
 _CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # rate of BOC(1,1) as a code
 _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
 _SPARE_CHIPS = 64  # number of spare half chips on either side of the segment, 9 km

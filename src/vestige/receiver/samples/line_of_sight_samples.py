@@ -20,7 +20,7 @@ _E6_NOISE = 6  # stream number of the E6 noise
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LineOfSightSamples:
-    """E6 samples around the RECS of a block for one satellite, which are made on request."""
+    """E6 samples of one satellite around the RECS of a block; the samples are made on request."""
 
     simulation: Simulation
     truth: TruthBlock  # truth of the epochs with RECS

@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 **Stretches.** The samples of a band are made in stretches of about 10 ms, a whole number of blocks of the synthesis
 kernel. Around the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6
-within 5 ms, less than a micrometre for any receiver on Earth. The chip that arrives at t = t_m + x was sent at t −
-P(t)/c. Chips are counted in integers from the reference, which is a whole second. Stretches are cut on the sample
+within 5 ms, which is less than a micrometre for j below 48 m/s³. The chip that arrives at t = t_m + x was sent at
+t − P(t)/c. Chips are counted in integers from the reference, which is a whole second. Stretches are cut on the sample
 counter, so two recordings of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code

@@ -125,7 +125,7 @@ def add_jammers(
 def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
     """Return the number of the first chip of a delayed signal in a window, and the number of chips in the window.
 
-    Chip 0 is the first chip of the RECS.
+    Chip 0 is the first chip of the RECS. The result includes `_SPARE_CHIPS` spare chips on either side of the window.
     """
     delay_s = delay_m / SPEED_OF_LIGHT_MPS
     arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s

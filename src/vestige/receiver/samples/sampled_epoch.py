@@ -114,7 +114,7 @@ class Window:
 
 
 def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
-    """Return the time of the last sample of each RECS, in s after the transmission of the RECS.
+    """Return the end of the samples of each RECS, in s after the transmission of the RECS.
 
     `expected_s` is the time at which the receiver expects the first chip of each RECS, in s after the transmission.
     """

@@ -2,7 +2,7 @@
 
 The troposphere delays code and carrier of both bands by the same length. The ionosphere delays the code and advances
 the carrier. The effect of the ionosphere on E6 is γ = (f1/f6)² times the effect on E1. Tropospheric and ionospheric
-delay depend on the satellite's direction, so both delays change smoothly.
+delay depend on the satellite's direction, which changes smoothly. So both delays change smoothly.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from vestige.time import GalileoTime
 
 # largest number of times in a cached line of sight, because more times take megabytes for each satellite
 _KEPT_TIMES = 5000
-# largest number of times in a cached call of `_kept_range_m`, whose cache has space for eight runs of a sky
+# largest number of times in a cached call of `_kept_range_m`
 _KEPT_RANGES = 128
 # number of cached lines of sight, of which a delayed signal in a troposphere needs six for range, rate and acceleration
 _KEPT_SIGHTS = 16

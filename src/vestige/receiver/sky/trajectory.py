@@ -1,8 +1,8 @@
 """Define the trajectories of the receiver: static, on a circle, or through waypoints.
 
-Every trajectory gives consistent position, velocity and acceleration at any time. So range, range rate and range
-acceleration are also consistent. A natural cubic spline joins the waypoints without a jump in the acceleration. Two
-waypoints give uniform motion along a straight line.
+Every trajectory gives consistent position, velocity and acceleration at each time that the trajectory covers. So range,
+range rate and range acceleration are also consistent. A natural cubic spline joins the waypoints without a jump in the
+acceleration. Two waypoints give uniform motion along a straight line.
 """
 
 from __future__ import annotations

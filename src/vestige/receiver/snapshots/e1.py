@@ -84,7 +84,7 @@ def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " 
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
-    """Return the data of E1 tracking and of the E1 front end, which is None without correlators.
+    """Return the data of E1 tracking, and the data of the E1 front end, which are None without correlators.
 
     If `with_taps` is true, E1 is tracked between two RECS, and the data include correlators.
     """

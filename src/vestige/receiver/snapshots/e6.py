@@ -40,7 +40,7 @@ class DrawnE6:
         handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> BankBlock:
-        """Return the requested banks, with NaN in all other banks."""
+        """Return the requested banks of satellites in view at epochs with RECS, with NaN in all other banks."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         if of.recs_rows.size:
@@ -116,7 +116,11 @@ class SimulatedE6Samples:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the requested banks, with NaN in other banks and in banks of RECS that the samples do not cover."""
+        """Return the requested banks, with NaN in all other banks.
+
+        A requested bank is also NaN if the satellite is out of view, if the epoch has no RECS or no hand-over, or if
+        the samples do not cover the RECS.
+        """
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         for epoch, column, made in self._handed_over(asked, handovers):
@@ -131,8 +135,8 @@ class SimulatedE6Samples:
     def _handed_over(self, asked: Bool[np.ndarray, "n m"], handovers: Handovers) -> Iterator[tuple[int, int, Handover]]:
         """Yield epoch, column and hand-over of each requested RECS.
 
-        The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The caches of the processor then hold the
-        code that makes a hand-over, which the samples of a RECS would displace.
+        The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The caches of the CPU then hold the code
+        that makes a hand-over, which the samples of a RECS would displace.
         """
         places = zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True)
         while part := tuple(islice(places, _MADE_TOGETHER)):
@@ -182,7 +186,7 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of the samples' time tags in s, which removes a meaconer's delay of several seconds.
+        """Return the correction in s of the time tags of samples, which removes a delay above `CLOCK_FOLLOWS_S`.
 
         `_without_delay` corrects the hand-over in the same way. During the delay the receiver's clock drifts. The
         correction also subtracts this drift, because the hand-over has the clock error of the epoch.
@@ -195,9 +199,9 @@ class SimulatedE6Samples:
         return -late_s - float(late_m - early_m) / SPEED_OF_LIGHT_MPS
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return the hand-over that the receiver would make without a meaconer's delay of several seconds.
+        """Return the hand-over that the receiver would make without an attacker's delay over `CLOCK_FOLLOWS_S`.
 
-        A hand-over extrapolates the observation of the epoch to the reception of the RECS. With a meaconer the
+        A hand-over extrapolates the observation of the epoch to the reception of the RECS. With a delay of seconds the
         reception is seconds later, and the clock drifts in the meantime. A real receiver uses the observation at the
         later time, which has the same satellite position and clock error as the RECS. So the model uses the hand-over
         of the true signal, and subtracts the delay from the time tags of the samples. On a single line of sight the
@@ -236,7 +240,7 @@ class SimulatedE6Samples:
         return replace(handover, start_time=handover.start_time + -growth_mps * travel_s / SPEED_OF_LIGHT_MPS)
 
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over with the ionospheric delay that the receiver predicts from the message's coefficients.
+        """Return a hand-over with the ionospheric delay E6 − E1 that the receiver predicts from the message.
 
         The receiver predicts the delay at each epoch, while the assistance of a recording has one value per satellite
         for all epochs.

@@ -13,9 +13,9 @@ The satellites send CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/
 0.4 dB. All other components add noise to a correlator, as on E6. The model of the fidelity `correlators` is
 `sky_e1_model`.
 
-**Power.** The power is measured in W = 2 MHz around the carrier, over the 10 ms of samples in which the epoch's signals
-arrive. Without an attack the power is 1 + Σ P(0) C/N0_i / W times the noise power in W, where P(0) includes both
-components within W.
+**Power.** The power is measured in W = 2 MHz around the carrier, or in the bandwidth of a narrower front end, over the
+10 ms of samples in which the epoch's signals arrive. Without an attack the power is 1 + Σ P(0) C/N0_i / W times the
+noise power in W, where P(0) includes both components within W.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class SkyE1(NamedTuple):
 
 
 def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.ndarray, "n m"]) -> SkyE1:
-    """Return correlators and power of E1, computed epoch by epoch from the same stretches of samples.
+    """Return correlators and power of E1, which are computed epoch by epoch from shared stretches of samples.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Make the samples of a sky in one band, equal to the recording that `vestige simulate` writes for the scenario.
+"""Make the samples of a sky in one band, as in the recording that `vestige simulate` writes for the scenario.
 
 All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
 stretches of the recorder (10 ms) that overlap the requested window of samples are made. The latest stretches are kept,

@@ -84,9 +84,9 @@ class FileTrust:
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> FileTrust:
         """Return the trust anchors in public key files and in a Merkle tree file.
 
-        If a Merkle tree is given, each public key must lead to the root of the tree. Raises `AuthenticationError` if a
-        key does not lead to the root of the tree. Raises `InputFileError` or `UnsupportedError` if a file is not
-        usable.
+        If a Merkle tree is given, each public key must lead to the root of the tree. The method raises
+        `AuthenticationError` if a key does not lead to the root of the tree. The method raises `InputFileError` or
+        `UnsupportedError` if a file is not usable.
         """
         paths: Sequence[Path | None] = public_keys or [None]  # a file of a Merkle tree also contains public keys
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]

@@ -1,10 +1,10 @@
 """Read the assistance folder: RECS, group delays, OSNMA keys and corrections as input of the processor.
 
 `vestige.recording.assistance.assistance_files` lists the files that may be in the folder or in a direct subfolder. Only
-validated files are used. A key must lead to the public key or the Merkle tree. If certificates are given, one of these
-certificates must have signed each RECS or BGD file. Certificates are never taken from the folder itself. If two files
-contradict each other, neither value is used. If a signed root key of any file withdraws a key, this key is not used. A
-damaged file is reported as a problem, and all other files stay in use.
+files that pass the following checks are used. A key must lead to the public key or the Merkle tree. If certificates are
+given, one of these certificates must have signed each RECS or BGD file. Certificates are never taken from the folder
+itself. If two files contradict each other, neither value is used. If a signed root key of any file withdraws a key,
+this key is not used. A damaged file is reported as a problem, and all other files stay in use.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ def read_assistance(
     folder
         Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are also read.
     public_key, merkle_tree
-        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If such a file is given, the keys and trees in
-        the folder are not used.
+        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If such a file is given, the public keys and
+        Merkle trees in the folder are not used.
     certificates
         PEM public keys or X.509 certificates of the assistance server. If any key or certificate is given, RECS and BGD
         files without a valid signature are not used, and `receiver.toml` and `ionosphere.csv` are not used.

@@ -1,9 +1,10 @@
 """Read an assistance folder that still receives files: RECS from the server, keys from the receiver.
 
-The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. Only
-the RECS of the next quarter of an hour are kept, even if the samples already cover a much longer time. Reading takes at
-most a fifth of the processing time, even if the files are large. A file that another process is still writing can look
-damaged, so a fault is reported only if the fault persists.
+The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. The
+RECS of the next quarter of an hour are kept, or of a longer time if this quarter has no RECS. Later RECS are left out,
+even if the samples already cover a much longer time. Reading after changes takes at most a fifth of the time, even if
+the files are large. A file that another process is still writing can look damaged, so a fault is reported only if the
+fault persists.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from vestige.records import Assistance
 from vestige.time import GalileoTime
 
 # RECS are read up to `AHEAD_S` seconds ahead of the samples. RECS are read again when the samples come within
-# `RENEWED_S` seconds of the last time up to which RECS were read.
+# `RENEWED_S` seconds of the last time up to which RECS were read, unless the next RECS is known.
 AHEAD_S, RENEWED_S = 900.0, 60.0
 BEHIND_S = 1.0
 PATIENCE_S = 5.0  # time in s after which a fault is reported, longer than the time to write a file

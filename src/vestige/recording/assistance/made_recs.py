@@ -1,10 +1,10 @@
 """Make RECS for a recording whose E6-C was not encrypted, so that all processing steps can run on a real signal.
 
 The transmitted E6-C chips (primary ⊕ secondary code) take the place of the encrypted code sequence. The transmitted
-chips are encrypted under an OSNMA key, and become a RECS as a server would publish. The times of transmission are whole
-deciseconds, because a period of E6-C's secondary code starts at each decisecond. The processor reads the files of these
-RECS like the files of a server. A test with such RECS cannot prove the secrecy of the chips, because anybody knows the
-open code.
+chips are encrypted under an OSNMA key, and become a RECS in the form that a server publishes. The times of transmission
+are whole deciseconds, because a period of E6-C's secondary code starts at each decisecond. The processor reads the
+files of these RECS like the files of a server. A test with such RECS cannot prove the secrecy of the chips, because
+anybody knows the open code.
 """
 
 from __future__ import annotations

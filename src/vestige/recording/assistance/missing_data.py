@@ -1,4 +1,4 @@
-"""List the data that an assistance folder lacks, one line for each kind of data."""
+"""List the data that an assistance folder lacks, group delays of another time, and unverified files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ NO_RECS = "RECS: none"
 
 
 def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
-    """Return one line for each kind of data that the processor needs and the folder lacks."""
+    """Return lines for the user about the data that the folder lacks.
+
+    A line names a kind of data that the processor needs, a satellite with group delays of another time, or the number
+    of files without a verified signature.
+    """
     missing = []
     if trust is None:
         missing.append(

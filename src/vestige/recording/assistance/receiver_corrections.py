@@ -51,7 +51,7 @@ def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delays on E1 in `ionosphere.csv`, in m by SVID.
 
     The function raises `InputFileError` if the header is not `svid,slant_delay_e1_m`, a satellite is named twice, or a
-    delay lies outside 0 to 1000 m.
+    line is not an SVID and a delay of 0 to 1000 m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)

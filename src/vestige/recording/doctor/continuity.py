@@ -6,7 +6,7 @@ The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the
 of transmission modulo the 100 ms of its secondary code. The times of transmission at two positions of the file and the
 mean Doppler give the jump of the signal relative to the counter. Missing samples make the signals of all satellites
 jump ahead. Repeated samples make the signals jump back. The test does not find a loss or repetition of a whole multiple
-of 100 ms.
+of 100 ms on E1, or of 1 ms on E6.
 """
 
 from __future__ import annotations
@@ -255,7 +255,7 @@ def _narrowed(
     followed: Sequence[E1Satellite],
     limit: TimeLimit,
 ) -> tuple[MeasuredPlace, MeasuredPlace]:
-    """Return two positions that are nearer to each other, and between which the signals jump."""
+    """Return two positions between which the signals jump, if possible nearer together than the given positions."""
     while (later.first - earlier.first) / reader.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
         middle = _place(reader, (earlier.first + later.first) // 2, count, followed[:1])
         if middle is None:

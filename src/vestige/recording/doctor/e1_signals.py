@@ -193,7 +193,7 @@ def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Calla
     """Yield the trials of each kind of mistake: name of the kind, a function for the text of the finding, and results.
 
     Each result is a changed description of the samples with the signals that were found, or None without signals. The
-    function returns the right text only after all changed descriptions were tried.
+    function for the text returns the right text only after all changed descriptions were tried.
     """
 
     def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:

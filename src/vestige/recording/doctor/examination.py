@@ -44,7 +44,7 @@ _GUESSED_HZ = 4000.0  # largest Doppler error if the centre frequency was estima
 # assumed start of samples without a time tag, because code phases do not need the true time
 _SOME_TIME = GalileoTime(1200, 0)
 _ENDS_ONLY = 2  # number of distinct values of a signal that is clipped to one bit
-# number of values of a front end with four bits or less, which stores many samples at its outermost values
+# largest number of values of a front end with four bits or less, which stores many samples at its outermost values
 _FEW_VALUES = 16
 _READ_SAMPLES = 1 << 20  # number of samples in each read of the search for values that are not finite
 _LOOKED_AT_S = 0.02  # duration in s of the samples at each position that is tested for equal samples and clipping

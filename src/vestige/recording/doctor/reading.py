@@ -39,7 +39,8 @@ class Reading:
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:
     """Return up to `duration_s` of samples of a file from `first_s` on, or None if the samples cannot be read.
 
-    The result is also None if samples are not finite numbers, which happens if the format is wrong.
+    The result is also None if the file has no sample from `first_s` on, or if samples are not finite numbers, which
+    happens if the format is wrong.
     """
     try:
         reader = open_samples(file)
@@ -132,7 +133,7 @@ def _layout(file: BandFile, form: SampleFormat, rate_hz: float, says: str, chang
 
 
 def format_readings(file: BandFile) -> Iterator[Reading]:
-    """Yield the readings in other number types that give plausible samples, the most plausible first."""
+    """Yield the readings in other number types or byte orders that give plausible samples, the most plausible first."""
     forms = [
         replace(file.form, component=component, big_endian=big)
         for component in get_args(SampleType)
@@ -159,9 +160,9 @@ def format_readings(file: BandFile) -> Iterator[Reading]:
 def better_sibling(file: BandFile) -> Reading | None:
     """Return the reading with signed instead of unsigned numbers, or the reverse, if the given format must be wrong.
 
-    The given format is wrong if all its values lie at the ends of the scale, and the other format has smaller values.
-    If signed numbers are read as offset binary, or the reverse, all signs are reversed and the magnitudes are wrong.
-    The signals are still found, but are about 2 dB weaker.
+    The given format is wrong if the other format gives plausible values with at most half of the rms. The values in the
+    given format then lie at the ends of the scale. If signed numbers are read as offset binary, or the reverse, all
+    signs are reversed and the magnitudes are wrong. The signals are still found, but are about 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:

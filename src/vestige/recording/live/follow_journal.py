@@ -1,10 +1,10 @@
 """Keep the journal of a receiver that follows a recording, so that an interrupted receiver can continue.
 
-`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
-in `verdicts.jsonl` and the SHA-256 of these bytes. `state.json` also contains the last snapshot and the receiver's
-state, with a second SHA-256. `state.json` is replaced as a whole after the lines were written. If a run is killed
-between the two writes, the newest lines are not valid yet. The next run cuts the invalid lines off, processes the
-snapshot again from the stored state, and writes the same lines. No line is lost, and no line appears twice. If the
+`verdicts.jsonl` has one line for each verdict, each position and each change of state. `state.json` contains the number
+of valid bytes in `verdicts.jsonl` and the SHA-256 of these bytes. `state.json` also contains the last snapshot and the
+receiver's state, with a second SHA-256. `state.json` is replaced as a whole after the lines were written. If a run is
+killed between the two writes, the newest lines are not valid yet. The next run cuts the invalid lines off, processes
+the snapshot again from the stored state, and writes the same lines. No line is lost, and no line appears twice. If the
 valid lines or the state were changed, the journal raises an error and cuts nothing off.
 """
 

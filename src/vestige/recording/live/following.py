@@ -70,7 +70,7 @@ class FollowedEpoch:
 
 @dataclass(slots=True, kw_only=True)
 class Following:
-    """Snapshots of a recording that grows, which can be iterated over only once."""
+    """Snapshots of a recording that grows; the snapshots can be iterated over only once."""
 
     live: LiveRecording
     folder: GrowingAssistance

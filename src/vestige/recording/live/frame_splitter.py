@@ -2,8 +2,8 @@
 
 A recorder with two front ends writes frames with one sample of each channel: `E1[0] E6[0] E1[1] E6[1] …`. Each channel
 has a thread that reads the channel. If a thread has no data for its channel, the thread reads the pipe for all
-channels. Bytes that the other threads have not taken yet are buffered, up to `WAITING_BYTES` for each channel. If the
-buffer of a channel is full, the reading thread waits for the other threads.
+channels. Bytes that the other threads have not taken yet are buffered. If the buffer of a channel has `WAITING_BYTES`
+or more, the thread waits for the other threads before the next read.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-WAITING_BYTES = 1 << 20  # largest number of waiting bytes of a channel, in addition to the buffers of the streams
+# number of waiting bytes of a channel at which the pipe is not read further; the buffers of the streams come in
+# addition
+WAITING_BYTES = 1 << 20
 _BLOCK_FRAMES = 1 << 15
 
 

@@ -222,7 +222,10 @@ class LiveRecording:
 
     @property
     def ended(self) -> bool:
-        """Whether no more samples can come and all of E1 is tracked; always False for files, which have no end mark."""
+        """Whether no more samples can come from the pipes, and all of E1 is tracked.
+
+        Without a pipe the value is always False, because a file has no mark of its end.
+        """
         return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
 
     @property

@@ -1,8 +1,8 @@
 """Collect OSNMA keys and ephemerides from the message that tracking decodes while a recording grows.
 
 Each page is verified when the page arrives, so a new key needs only the computation for the subframe of the key. A RECS
-needs a key that is sent in the minutes after the RECS. So keys and pages older than `KEPT_S` are dropped, which limits
-the memory. Signed root keys and the chain are kept.
+needs a key that is sent within about a minute after the RECS. So keys and pages older than `KEPT_S` are dropped, which
+limits the memory. Signed root keys and the chain are kept.
 """
 
 from __future__ import annotations

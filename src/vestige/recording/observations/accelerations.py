@@ -36,7 +36,8 @@ ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
 }
 GRAVITY_MPS2 = 9.8  # gravity is 9.78 m/s² at the equator and 9.83 m/s² at the poles
 _GRAVITY_TOLERANCE_MPS2 = 0.2
-# shortest duration in s of a test for gravity; no receiver accelerates at 1 g in one direction for half of this time
+# shortest duration in s of a test for gravity; no car, ship or airliner accelerates at 1 g in one direction for half of
+# this time
 _GRAVITY_S = 20.0
 _TOLD = 4  # number of values of a row that are kept: elapsed time and three accelerations
 

@@ -47,8 +47,8 @@ class CsvParser:
 
     An epoch is complete when a line of the next epoch comes.
 
-    The constructor raises `InputFileError` if a line does not agree with the header, a value is impossible, a satellite
-    appears twice in an epoch, or time does not advance.
+    `take` raises `InputFileError` if the header is wrong, a line does not agree with the header, a value is impossible,
+    a satellite appears twice in an epoch, or time does not advance.
     """
 
     def __init__(self, path: Path) -> None:
@@ -92,7 +92,10 @@ class CsvParser:
         return whole
 
     def finish(self) -> ObservationEpoch | None:
-        """Return the last epoch."""
+        """Return the last epoch, or None if there is no epoch.
+
+        The function raises `InputFileError` if the file is empty.
+        """
         if not self._columns:
             _columns(self._path, "")  # this call raises the error of an empty file
         return self._epoch()

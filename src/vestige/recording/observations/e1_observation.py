@@ -21,7 +21,8 @@ from vestige.sample_processor.e1_snapshot import MIN_SECONDARY_MARGIN_DB, NOISE_
 from vestige.time import GalileoTime
 
 TIME_TAG_TOLERANCE_S = (
-    # limit in s: half of the secondary code's period, less the 9 ms by which a median travel time may differ from 86 ms
+    # limit in s, rounded: half of the secondary code's period, less the 9 ms by which a median travel time may differ
+    # from 86 ms
     0.04
 )
 

@@ -43,7 +43,7 @@ class GrowingObservations:
         return self.path.exists() and GrowingLines(self.path).take() is not None
 
     def missing(self) -> InputFileError:
-        """Return the fault of a file that has no epoch yet."""
+        """Return the fault of a file that does not exist, or has no complete first line yet."""
         found = "an empty file" if self.path.exists() else "no file"
         return InputFileError(self.path, "line 1", found, FIRST_LINE)
 

@@ -76,7 +76,7 @@ class _Header:
         self.types[self.last_system] += line[6:58].split()
 
     def check(self, number: int) -> None:
-        """Raise `InputFileError` if the header lacks a required line."""
+        """Raise `InputFileError` or `UnsupportedError` if a required line of the header is missing or not usable."""
         if self.time_system is None:
             raise InputFileError(self.path, f"line {number}", "the end of the header", "TIME OF FIRST OBS before it")
         name = self.time_system or ONE_SYSTEM_TIME.get(self.system, "")
@@ -119,8 +119,8 @@ class RinexParser:
     loss-of-lock indicator is set. A satellite also has a cycle slip if its observations come from another signal than
     in the previous epoch.
 
-    The constructor raises `InputFileError` if the file has another format, is cut off, or time does not advance. The
-    constructor raises `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
+    `take` raises `InputFileError` if the file has another format, a line is damaged, or time does not advance. `take`
+    raises `UnsupportedError` for RINEX 1 and 2, compact RINEX, GLONASS time and scaled observations.
     """
 
     def __init__(self, path: Path) -> None:

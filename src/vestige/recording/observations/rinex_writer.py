@@ -1,9 +1,9 @@
 """Write Galileo E1 observations as a RINEX observation file, version 3.05 [RINEX].
 
 RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz.
-RINEX has no Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs to the exact
-reading of the receiver's clock. An error of half a step would be an error of 15 m in range. CSV files have no such
-limits.
+RINEX has no field for a Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs
+to the exact reading of the receiver's clock. An error of half a step would be an error of 15 m in range. CSV files of
+observations keep all digits, and have a column for the Doppler rate.
 """
 
 from __future__ import annotations

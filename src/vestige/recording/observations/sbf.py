@@ -1,12 +1,11 @@
 """Read I/NAV pages in Septentrio Binary Format (SBF), block GALRawINAV.
 
-A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. The CRC covers
-everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes |
-32 bytes of navigation bits`. The time of a block is the **end** of the page, and the week of a block is the GPS week
-[SBF].
+A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. The number at the end
+of a field is its length in bytes. The CRC covers everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 |
+CRC passed | Viterbi count | source | 2 bytes | 32 bytes of navigation bits`. The time of a block is the **end** of the
+page, and the week of a block is the GPS week [SBF].
 
-The reader does not trust the length or the content of a block. Data without a valid CRC are skipped byte by byte until
-the next block.
+The reader tests the length and the CRC of each block. If a test fails, the reader continues at the next sync word `$@`.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class SbfCounts:
     e5b: int = 0
     mixed: int = 0
     other: int = 0
-    no_time: int = 0  # number of E1-B blocks without a time, or with an impossible satellite number
+    no_time: int = 0  # number of E1-B blocks without a usable time, or with an impossible satellite number
 
 
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:

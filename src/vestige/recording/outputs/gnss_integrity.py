@@ -179,7 +179,7 @@ class MavlinkOutput:
             self._held.close()
             expected = f"a file {LOG_SUFFIX}, or an address such as udpout:127.0.0.1:14550"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}") from error
-        except ModuleNotFoundError as error:  # pymavlink takes every other address for a serial port
+        except ModuleNotFoundError as error:  # pymavlink takes the address for a serial port, and pyserial is missing
             expected = f"a file {LOG_SUFFIX}, an address such as udpout:127.0.0.1:14550, or pyserial for a serial port"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}: pip install pyserial") from error
         except OSError as error:  # the host is unknown, or the port is in use or missing

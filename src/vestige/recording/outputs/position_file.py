@@ -1,8 +1,8 @@
 """Write authentic positions for other programs as NMEA 0183, CSV, GeoJSON or KML, as the suffix of the file says.
 
-Only a position whose ranges and orbits are authentic is written as a fix. For all other snapshots, an NMEA file gets
-sentences without a fix, and a file in another format gets nothing. The file is complete after every position, so a
-program may read the file while it grows.
+Only an authentic position, from ranges in use and authentic orbits, is written as a fix. For all other snapshots, an
+NMEA file gets sentences without a fix, and a file in another format gets nothing. The file is complete after every
+position, so a program may read the file while it grows.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ POSITION_COLUMNS = (
 def authentic_fix(position: AuthenticPosition | None) -> AuthenticPosition | None:
     """Return a position if its orbits are authentic, else None.
 
-    An `AuthenticPosition` always has authentic ranges.
+    The ranges of an `AuthenticPosition` are always ranges in use.
     """
     return position if position is not None and position.orbits_authenticated else None
 
@@ -183,7 +183,7 @@ class PositionFile:
     Raises
     ------
     InputFileError
-        If the existing file is not a position file of this format.
+        If an existing file does not begin and end like a position file of this format.
     OSError
         If the file cannot be written.
 

@@ -194,9 +194,10 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 
 
 def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
-    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, and return their paths.
+    """Write a configuration of gnss-sdr 0.0.17 for each band (`e1.conf`, `e6.conf`), and return the paths of the files.
 
-    Run gnss-sdr in `folder`. The corrections of troposphere and ionosphere are on if the signals have these delays.
+    The files are in `folder`, where gnss-sdr must be run. The corrections of troposphere and ionosphere are on if the
+    signals have these delays.
 
     The function raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole
     number of Hz.

@@ -11,7 +11,7 @@ element                 contents that vestige reads
 `lane`                  one block of one chunk of one lump, without header and footer
 `lump`                  one stream, or several equal streams with `ratefactor` 1: a sample of each stream in turn
 `stream`                8 or 16 bits, `TC` or `INT8` (two's complement), `OB` (offset binary); `IF`, `IQ`, `QI`, `IQn`
-`chunk`                 one number in each word: the numbers of one sample of each stream; no padding
+`chunk`                 one number in each word; `ratefactor` samples of each stream; no padding
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
@@ -21,7 +21,7 @@ library's form, because programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
 tag, so the first samples of both files belong to the same moment. The option `--time-uncertainty` gives the upper
-limit.
+limit of the clock's error.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ _MAX_COUNT = 1 << 40
 def read_ion_metadata(path: Path) -> RecordingDescription:
     """Return the recording that an ION metadata file describes, with at most one file for each band.
 
-    Files whose spectrum contains neither carrier are left out, with a note.
+    Files whose spectrum contains neither the E1 nor the E6 carrier are left out, with a note.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _name(element: Element) -> str:
 
 
 def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
-    """Return the band files of the streams of a `file`, with None for a stream that contains neither carrier."""
+    """Return the band file of each stream of a `file`; None for a stream with neither the E1 nor the E6 carrier."""
     for name in ("next", "previous"):
         if document.text(element, name, ""):
             document.refuse(element, f"a sequence of files ({name})")
@@ -227,7 +227,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, or None if the stream contains neither carrier.
+    """Return the band file of a stream, or None if the stream contains neither the E1 nor the E6 carrier.
 
     `place` is the number of the stream in its lump, and the number of all streams in the lump.
     """

@@ -100,7 +100,7 @@ def write_ion_metadata(path: Path, description: RecordingDescription) -> None:
     ------
     UnsupportedError
         If the standard has no encoding for the samples (float32), a band has no time tag, bytes follow the samples, or
-        the files lie in another folder.
+        the sample files lie in another folder.
     OSError
         If the file cannot be written.
     """

@@ -169,7 +169,7 @@ def open_samples(file: BandFile) -> SampleReader:
 
 
 def _size(file: BandFile) -> tuple[int, int, int]:
-    """Return the size of a file in bytes, its number of complete frames, and the number of bytes after these frames."""
+    """Return the size of a file in bytes, its number of complete frames, and the number of bytes of a partial frame."""
     if file.path.is_fifo():
         raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige live")
     with open_file(file.path) as stream:

@@ -42,7 +42,7 @@ NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values 
 class SampleFormat:
     """Format of stored samples."""
 
-    component: SampleType  # number type of a real sample, or of each half of a complex sample
+    component: SampleType  # number type of a real sample, or of each component of a complex sample
     layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
     big_endian: bool = False  # whether components of several bytes begin with the most significant byte
     channels: int = 1  # number of channels in a frame, which has one sample of each channel

@@ -118,7 +118,7 @@ class SampleStream:
         return self._reader(self.file.header_bytes, b"")
 
     def keep(self, windows: Iterable[tuple[int, int]], since: int) -> bool:
-        """Drop the samples that are neither in a window nor at or after number `since`.
+        """Drop each block of samples that has no sample in a window, and no sample at or after number `since`.
 
         A window that lost samples is useless, so the rest of the window is also dropped.
 

@@ -1,4 +1,4 @@
-"""Write keys and samples of a recording for GalileoSASlib [SASLIB], which reads the start time in the file name.
+"""Write keys and samples of a recording for GalileoSASlib [SASLIB], which reads the start time from the file name.
 
 GalileoSASlib needs int16 I/Q samples and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. The keys are
 a table with two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time

@@ -19,8 +19,8 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
 ======= ============================== =============================================================================
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
-a time tag from `core:datetime` alone may be wrong by a millisecond if both files state a `core:global_index`. Without
-`core:global_index` the time tags must agree within 2 µs, because nothing else relates the bands in time.
+a time tag from `core:datetime` alone may be wrong by up to a millisecond if both files state a `core:global_index`.
+Without `core:global_index` the time tags must agree within 2 µs, because nothing else relates the bands in time.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _stream(path: Path) -> _Stream | None:
-    """Return the recording that a metadata file describes, or None if neither carrier is in the spectrum."""
+    """Return the recording that a metadata file describes, or None if its spectrum has no E1 or E6 carrier."""
     metadata = _metadata(path)
     top: dict[str, Any] = metadata["global"]
     captures: list[dict[str, Any]] = metadata["captures"] or [{"core:sample_start": 0}]

@@ -1,8 +1,8 @@
 """Write SigMF recordings batch by batch, with limited memory.
 
 The samples go to a `.part` file that gets its final name when the recording is complete. The metadata are written last.
-So a recording with metadata is always complete. A killed run leaves no metadata. The parameter `kept` of `SigmfWriter`
-lets a later run continue from the `.part` file.
+So a recording with metadata is always complete. An unfinished recording has no metadata. The parameter `kept` of
+`SigmfWriter` lets a later run continue from the `.part` file.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 class SigmfWriter:
     """Writer of a SigMF recording of one band, for use in a `with` statement.
 
-    The constructor raises `InputFileError` if the recording `base` exists already. Also raises `InputFileError` if the
-    `.part` file has fewer samples than `kept` states, or begins with other samples than the first batch in `kept`.
+    The constructor raises `InputFileError` if the recording `base` exists already. The constructor also raises
+    `InputFileError` if the `.part` file has fewer samples than `kept` states, or begins with other samples than the
+    first batch in `kept`.
 
     Parameters
     ----------
@@ -159,7 +160,7 @@ class SigmfWriter:
         """Write the samples of the next batch.
 
         The function raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first
-        batch. Also raises `ValueError` if the batch does not begin at the sample after the previous batch.
+        batch. The function also raises `ValueError` if the batch does not begin at the sample after the previous batch.
         """
         if self._first is None:
             self._first = batch

@@ -13,7 +13,7 @@ from vestige.navigation.inav.page import InavPage
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import word_type
 
-_MIXED_S = 120  # largest age in s of words that are combined; all words of an issue are sent within 60 s
+_MIXED_S = 120  # largest age in s of words 1 to 4 and 17 to 20 that are combined; all are sent within 60 s
 
 
 class EphemerisCollector:

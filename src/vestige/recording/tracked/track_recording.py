@@ -2,9 +2,9 @@
 
 The results are observations and navigation pages, as from a receiver that runs beside the recorder. The pages contain
 Galileo System Time. Before the first page with a time, pseudoranges refer to the time tag of the samples, and are known
-modulo 100 ms. After the whole recording is tracked, the time from the message corrects these pseudoranges. If the
-message of a satellite contained the time, the messages of other satellites never correct the range of this satellite.
-So a replay with a delay of seconds stays visible in the observations.
+modulo 100 ms. After the whole recording is tracked, the time from the message corrects these pseudoranges. Once the
+message of a satellite has given the time, the messages of other satellites do not correct the ranges of this satellite
+until its signal is lost. So a replay with a delay of seconds is visible in these ranges.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
 | `navigation.rnx` | RINEX navigation file with the ephemerides from the navigation messages |
 | `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; all bits of a missing page are zero |
 | `taps.csv` | E1-C correlators over 100 ms: time, satellite, and in-phase and quadrature part of each correlator |
-| `power.csv` | C/N0 and power of E1-C over 100 ms for each satellite, and the mean power of all E1 samples |
+| `power.csv` | C/N0 (over 1 s) and power (over 100 ms) of E1-C of each satellite, and mean power of all E1 samples |
 """
 
 from __future__ import annotations

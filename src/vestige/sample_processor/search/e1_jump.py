@@ -41,7 +41,7 @@ class Jump:
     at_s
         Time of the jump in s after the first sample, with an error of up to one code period (4 ms).
     by_s
-        Increase of the delay in s, known modulo 4 ms and stated from −0.002 to 0.002; negative if samples are missing.
+        Increase of the delay in s, known modulo 4 ms and stated from −0.002 to 0.002. Missing samples reduce the delay.
     """
 
     svid: int
@@ -112,7 +112,7 @@ def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"]
 def _powers(
     batch: SampleBatch, found: Acquisition, signals: tuple[SignalDefinition, ...]
 ) -> Float64[np.ndarray, " periods"]:
-    """Return the power of every code period at the peak of a found signal, in units of the noise variance."""
+    """Return the power of every code period at a signal's peak, in units of the noise variance per dimension."""
     rows = []
     for signal in signals:
         taps, noise = period_taps(batch, signal, found.svid, found.code_start_s, found.doppler_hz)

@@ -20,7 +20,7 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E1C
 
 GUARD_S = 2 * E1_CODE_PERIOD_S  # margin before and after a jump, because its time is known only to 4 ms
-_MOST_JUMPS = 4  # largest number of jumps in 100 ms; with more jumps, the remaining parts are too short
+_MOST_JUMPS = 4  # largest number of new searches after jumps; with more jumps, the remaining parts are too short
 _SAME_CHIPS = 1.0  # largest distance in chips from the found to the measured code phase of the same signal
 
 
@@ -54,7 +54,8 @@ class E1Signals:
     """Signals of all satellites on E1 at the time of the first sample of `batch`."""
 
     batch: SampleBatch  # samples that were used, which contain no jump
-    signals: tuple[E1Signal, ...]  # signals sorted by satellite, and for each satellite from strong to weak
+    # signals in the order of the given satellites, and for each satellite from strong to weak
+    signals: tuple[E1Signal, ...]
     jumps: tuple[Jump, ...]  # jumps that the search found in the given samples
 
 
@@ -72,7 +73,7 @@ def list_e1(
     Parameters
     ----------
     batch
-        E1 samples, at least 8 ms; up to 100 ms are used. `measure_e1` needs 60 ms without a jump.
+        E1 samples, at least 8 ms; up to 100 ms are used. For `measure_e1`, 60 ms without a jump are enough.
     overall_pfa, doppler_span_hz, periods, progress
         Arguments with the same meaning as in `search_e1`.
     """

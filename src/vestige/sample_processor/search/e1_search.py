@@ -11,7 +11,7 @@ from the powers, the strongest first. The following parts of a taken signal are 
 * the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
 * the code side lobes of the signal, at any code phase. These side lobes have at most −20 dB for one code period of a
   memory code at a wrong Doppler, or with a symbol that changes. So a signal that is more than `CROSS_CORRELATION_DB`
-  below the taken signal is left out.
+  below the strongest signal is left out.
 
 At most `MAX_SIGNALS` signals of a satellite are taken. More peaks are interference: a swept jammer correlates with the
 code at a thousand code phases.
@@ -21,7 +21,7 @@ signal jumps where samples are missing (`e1_jump`). If `MAX_SIGNALS` peaks were 
 jumps.
 
 The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The bank of correlators and
-the range checks detect a signal within 2 chips. The search also does not find a signal that is more than 16 dB weaker
+the range checks look for a signal within 2 chips. The search also does not find a signal that is more than 16 dB weaker
 than the strongest signal.
 """
 

@@ -9,13 +9,13 @@ time. Therefore even an interrupted search finds the earliest signal first, whic
 An interrupted search can be continued.
 
 **Code Doppler.** A replica without code Doppler slides by 0.32 chip at 5 kHz and 16 ms, and loses up to 0.72 dB. The
-slide is the Doppler over the carrier frequency, times the number of chips. If the loss exceeds 0.3 dB, the Doppler span
-is cut into passes. Each pass removes the Doppler of its own middle from carrier *and* code. A span of ±5 kHz needs two
-passes for 8 ms and three passes for 16 ms. The remaining loss is at most 0.24 dB.
+slide is the Doppler over the carrier frequency, times the number of chips. A Doppler span that is wider than
+`Grid.half_width_hz` on each side is cut into passes. Each pass removes the Doppler of its own middle from carrier *and*
+code. A span of ±5 kHz needs two passes for 8 ms and three passes for 16 ms. The remaining loss is at most 0.24 dB.
 
-**Decision.** A cell is computed again if its power is above the threshold lowered by the engine's loss and by
-`SCREEN_MARGIN_DB`. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This
-magnitude is divided by the standard deviation of the noise in the same samples (Σ|chip|², see
+**Decision.** Only cells whose power is above the threshold, lowered by the engine's loss and by `SCREEN_MARGIN_DB`, are
+computed again. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This magnitude
+is divided by the standard deviation of the noise in the same samples (Σ|chip|², see
 `vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
 are refined. The margin is needed because noise differs between an engine's sum and the exact sum. The margin costs a
 few exact cells per hour.

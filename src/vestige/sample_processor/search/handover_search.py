@@ -13,9 +13,9 @@ The possible arrivals are thus one *received* period apart. At a Doppler of 1 kH
 period of 4 ms would be wrong by 120 chips after 30 s.
 
 The carrier is removed from the samples. The samples are then summed into chips along u (`half_chip_kernel`), on two
-grids half a chip apart. A row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three rows
-with hypothesis m. So every row is multiplied only once by all quarters of the RECS at all taps (`row_kernel`), on one
-of the two grids of chips:
+grids half a chip apart. A row has 4 ms of chips. A RECS of 16 ms has four rows. With a period of 4 ms, hypothesis m + 1
+shares three rows with hypothesis m. So every row is multiplied only once by all quarters of the RECS at all taps
+(`row_kernel`), on one of the two grids of chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 
@@ -193,7 +193,7 @@ class _Replica:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
         products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
         noise = np.empty(n)
-        # some quarters are computed twice if the number of quarters is not a multiple of OFFSETS_AT_ONCE
+        # some offsets are computed twice if the number of offsets is not a multiple of OFFSETS_AT_ONCE
         padded = [np.resize(one, -(-one.size // OFFSETS_AT_ONCE) * OFFSETS_AT_ONCE) for one in self.offsets]
         for begin in range(0, n, _ROWS):
             end = min(begin + _ROWS, n)

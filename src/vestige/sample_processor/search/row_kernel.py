@@ -1,7 +1,7 @@
 """Sum samples into rows of chips, and multiply each row by a code at many offsets, for the hand-over search.
 
-All taps and all quarters of a RECS are the same code at different offsets. So a single code of 330 kB replaces the
-matrix of replicas that a matrix product would need. Each row is summed from the samples, and then multiplied by the
+All taps and all quarters of a RECS are the same code at different offsets. So a single code (330 kB for 16 ms) replaces
+the matrix of replicas that a matrix product would need. Each row is summed from the samples, and then multiplied by the
 code before the next row begins. The row is multiplied in blocks, each block at all offsets. Written data thus stay in
 the second-level cache until the data are read. Data that are read again stay in the first-level cache. Blocks also
 limit the rounding error of float32.

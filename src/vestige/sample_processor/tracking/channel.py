@@ -56,7 +56,8 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
     Raises
     ------
     VestigeError
-        If the rate is so low that the early and the late correlator lie outside the main peak.
+        If the early and the late correlator would lie outside the main peak: the rate is too low, or the requested
+        distance is too large.
 
     Examples
     --------
@@ -140,8 +141,8 @@ class Channel:
 
     Notes
     -----
-    `run` takes consecutive samples. The channel stores no samples, only the sums over the code period that is not yet
-    complete.
+    `run` takes consecutive samples. The channel stores no samples, only the state of the loops and the sums over
+    the unfinished code period and integration.
     """
 
     def __init__(

@@ -127,7 +127,7 @@ PERIOD = np.dtype(
         ("data", "c16"),  # prompt of E1-B
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),
-        ("locked", "?"),  # whether the phase lock of the last secondary code was good
+        ("locked", "?"),  # whether the channel tracks, and the phase lock of the last secondary code was good
     ]
 )
 

@@ -99,7 +99,8 @@ class Outlook:
         """Return the satellite to look for next; None if all satellites are tracked.
 
         Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. The
-        fourth search is for the other satellites. In each group, the satellite with the oldest search comes first.
+        fourth search is for the other untracked satellites, if there are any. If a search may take several satellites,
+        the satellite whose last search is the oldest comes first.
 
         Parameters
         ----------
@@ -119,7 +120,10 @@ class Outlook:
         return found
 
     def _look_up(self, time: GalileoTime) -> None:
-        """Determine the satellites above the horizon once a minute; no satellite moves by half a degree in a minute."""
+        """Determine the satellites above the horizon; a result with satellites is kept for a minute.
+
+        No satellite moves by half a degree in a minute.
+        """
         if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
             self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}
             self._looked_at = time if self._above else None

@@ -21,12 +21,12 @@ they arrive, so their beginnings are as strong as the rest. A filter has the sam
 unpredictable symbols, so the effect of the filter cancels. `vestige.theory.scer.partial_correlations` has the metrics
 of this test, the thresholds, and the detection probabilities of both tests.
 
-**Unpredictable symbols** are symbols that nobody can know before reception. An attacker knows all other symbols.
-`unpredictable_symbols` returns the 32 unpredictable symbols among the 500 symbols of an I/NAV page. An OSNMA subframe
-of 30 s has 480 unpredictable symbols.
+**Unpredictable symbols** are symbols that nobody can know before reception. A symbol that an attacker can know before
+reception is predictable. `unpredictable_symbols` returns the 32 unpredictable symbols among the 500 symbols of an I/NAV
+page. An OSNMA subframe of 30 s has at most 480 unpredictable symbols.
 
 **Limit of the tests**: the tests cannot detect a spoofing signal whose delay gives the attacker enough time to learn a
-symbol. Tests of this kind are not possible with chips of E6-C. The attacker estimates a whole chip of 195 ns and
+symbol. Tests of the beginnings of chips are not possible for E6-C. The attacker estimates a whole chip of 195 ns and
 transmits the estimate when the chip is over. So all parts of a transmitted chip are equally good.
 """
 
@@ -53,14 +53,15 @@ MIN_SYMBOLS = 10  # smallest number of symbols in a test; fewer symbols do not g
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartialPrompts:
-    """Mean correlations of the two parts of E1-B symbols, for n code periods.
+    """Mean correlations over the beginnings of E1-B symbols and over the rest of these symbols, for n code periods.
 
     Attributes
     ----------
     numbers
         Numbers of the code periods, counted by the channel.
     first, later
-        Correlation of the first chips, and of the rest of the period, divided by the number of samples.
+        Correlation over the first chips of the period, and over the rest of the period. Each correlation is divided by
+        the number of its samples.
     """
 
     numbers: Int64[np.ndarray, " n"]
@@ -88,7 +89,7 @@ class SymbolReplayTest:
 def partial_prompts(
     batch: SampleBatch, tracked: TrackedPeriods, svid: int, *, first_chips: int = FIRST_CHIPS
 ) -> PartialPrompts:
-    """Correlate the two parts of the E1-B symbols that a channel has tracked.
+    """Correlate the beginnings and the rest of the E1-B symbols that a channel has tracked.
 
     Parameters
     ----------
@@ -212,7 +213,7 @@ def predictable_reference_test(
     ----------
     first, later, symbols
         Correlations and symbols as in `symbol_replay_test`, for predictable and unpredictable symbols. The later parts
-        give the amplitude.
+        give the amplitude of the signal, on which the threshold depends.
     unpredictable
         Mask of the symbols that nobody can predict.
     metric
@@ -252,7 +253,7 @@ def predictable_reference_test(
 
 
 def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " n"]:
-    """Return the symbols, with the common sign of the later parts; without symbols, the sign of each later part."""
+    """Return the symbols with a sign that agrees with the later parts; without symbols, the sign of each later part."""
     return np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
 
 
@@ -261,10 +262,11 @@ def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """Return which symbols of an I/NAV page nobody can predict, in the order of transmission.
 
     The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. The code and the checksum
-    are linear. So every symbol that depends on unknown bits is a sum of some of these bits. A symbol may follow from
-    sums of earlier symbols. An attacker who has received the earlier symbols then knows the later symbol. So there are
-    as many unpredictable symbols as unknown bits. Some bits of the MACK message, such as the header of each tag, do not
-    change between subframes. So the true number of unpredictable symbols is smaller.
+    are linear. So every symbol that depends on unknown bits is a sum of some of these bits and of known bits. A symbol
+    may follow from sums of earlier symbols. An attacker who has received the earlier symbols then knows the later
+    symbol. So there are as many unpredictable symbols as unknown bits. An attacker can predict some bits of the MACK
+    message from earlier subframes, such as parts of the header of a tag. So the true number of unpredictable symbols is
+    smaller.
 
     Examples
     --------

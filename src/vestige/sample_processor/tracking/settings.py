@@ -51,10 +51,10 @@ class TrackingSettings:
         Time in s for which the frequency-locked loop runs before the phase-locked loop starts.
     min_cn0_dbhz, min_phase_lock
         Lower limits of C/N0 in dBHz and of the phase lock. The phase lock is the mean of cos 2φ over about 0.3 s, with
-        the phase error φ. A channel that stays below one of the two limits for `patience_s` is lost.
+        the phase error φ. A channel that stays below one of the two limits for longer than `patience_s` is lost.
     slip_phase_lock
-        Lower limit of the phase lock, averaged over 100 ms, for observations. The first carrier phase after a lower
-        value is flagged as slipped.
+        Lower limit, for observations, of the phase lock over 100 ms and of its mean over about 0.3 s. The first carrier
+        phase after a lower value is flagged as slipped.
     """
 
     pll_bandwidth_hz: float = 15.0

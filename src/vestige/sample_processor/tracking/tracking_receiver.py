@@ -2,9 +2,9 @@
 
 `TrackingReceiver.run` takes the samples in consecutive pieces. The result does not depend on the lengths of the pieces.
 The receiver looks for all satellites at the beginning. Later, the receiver looks for an untracked satellite every 5 s.
-Satellites that are above the horizon according to the almanac of the message come first (`outlook.py`). Lost satellites
-are searched every second for two minutes, around their last Doppler. Observables are computed at the multiples of
-1/`epochs_per_s` s on the receiver's clock.
+Three of four searches for untracked satellites prefer satellites that are above the horizon according to the almanac of
+the message (`outlook.py`). Lost satellites are searched every second for about two minutes, around their last Doppler.
+Observables are computed at the multiples of 1/`epochs_per_s` s on the receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives the time of transmission modulo 100 ms. The
 message gives the complete time after up to 30 s. Until a message of some satellite has given the time, the receiver's
@@ -183,7 +183,7 @@ class TrackingReceiver:
             if self._last_epoch is not None and self.time_is_told:
                 self.outlook.locate(self._last_epoch)
             unseen = [svid for svid in self.svids if svid not in self.tracks]
-            # a clock error of a minute moves no satellite by a degree
+            # a clock error of one minute changes the computed direction of a satellite by less than 1°
             svid = self.outlook.next_search(unseen, batch.start + -self.time_tag_error_s)
             if svid is not None:
                 found += acquire(window, (svid,), max_stretches=_SEARCHED_PERIODS)

@@ -13,7 +13,7 @@ from vestige.scenario.toml.toml_file import Section
 
 
 class NtcmIonosphereTable(Section):
-    """Ionosphere of the model NTCM-G, whose coefficients are rounded to the resolution of their fields in word 5.
+    """Ionosphere of the model NTCM-G; its coefficients are rounded to the resolution of their fields in word 5.
 
     Attributes
     ----------

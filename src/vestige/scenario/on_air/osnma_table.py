@@ -147,7 +147,7 @@ class OsnmaTable(Section):
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def key_sha256(self) -> str | None:
-        """SHA-256 digest of the private key and the Merkle tree, which are part of the scenario's identity."""
+        """SHA-256 digest of private key and Merkle tree, for the scenario's identity; None without a private key."""
         return None if self._key is None else hashlib.sha256(repr(self._key).encode()).hexdigest()
 
     def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:

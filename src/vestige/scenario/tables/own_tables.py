@@ -37,7 +37,7 @@ _SCHEMA = {
 
 
 class NamedKind(BaseModel):
-    """Table of a model, of which only the key `kind` is used."""
+    """Table of a model; only the key `kind` and the keys that a subclass declares are used."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -84,7 +84,7 @@ class OrOwn:
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
-    """Return the class `kind`; raise `InconsistentSettingsError` if the class does not exist or lacks `base`."""
+    """Return the class `kind`; raise `InconsistentSettingsError` if the class does not exist or does not fit `base`."""
     try:
         return part(kind, base)
     except OwnPartError as error:

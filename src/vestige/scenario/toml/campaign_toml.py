@@ -28,7 +28,7 @@ def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stated(value: Any) -> Any:
-    """Return tables without digests of files and keys of value None, with `kind` as the first key of each table."""
+    """Return tables without digests of files and without keys of value None; `kind` is the first key of each table."""
     if isinstance(value, list):
         return [_stated(inner) for inner in value]
     if not isinstance(value, Mapping):

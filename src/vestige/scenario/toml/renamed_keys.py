@@ -1,4 +1,4 @@
-"""Translate old names of keys and values in scenario files; an old name works for one release, with a warning."""
+"""Translate old names of keys and values in scenario files; an old name still works, with a warning."""
 
 from __future__ import annotations
 

@@ -286,7 +286,7 @@ def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tu
 
 
 def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
-    """Raise `InputFileError` if a number is infinite or too large, a value is a bare date, or the nesting is too deep.
+    """Raise `InputFileError` for a number that is not finite or too large, a bare date or time, or too deep nesting.
 
     The power of an attack may be −inf dB.
     """

@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseFloorMonitor(LevelMonitor):
-    """Monitor that compares the noise floor of the correlators with its value at the receiver's calibration."""
+    """Monitor that compares the noise floor of the correlators with its usual value."""
 
     name: ClassVar = CheckName.NOISE_FLOOR
     n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, number of chips of the RECS

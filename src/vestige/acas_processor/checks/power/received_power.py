@@ -31,7 +31,7 @@ DB_PER_NEPER = 10 / math.log(10)  # 4.343 dB: factor from a small relative chang
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedPowerMonitor(LevelMonitor):
-    """Monitor that compares the power of a band with its value at the receiver's calibration."""
+    """Monitor that compares the power of a band with its usual value."""
 
     band: Band
     sigma_system_db: float = 0.3  # standard deviation of the power that drift of gain and temperature causes

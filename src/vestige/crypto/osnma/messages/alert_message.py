@@ -27,7 +27,8 @@ def verify_alert(message: bytes, tree: MerkleTree) -> None:
 
     `message` contains all blocks of the DSM-PKR.
 
-    The function raises `AuthenticationError` if the message is malformed or leads to another root.
+    The function raises `AuthenticationError` if the message is malformed or leads to another root. The function raises
+    `UnsupportedError` if the code of the number of blocks is reserved.
     """
     if not is_alert(message) or len(message) != pkr_blocks(message[0]) * DSM_BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")

@@ -55,7 +55,8 @@ _AES_KEY_BITS = (128, 192, 256)
 class ChainParameters:
     """Parameters of a TESLA chain, as codes of the DSM-KROOT.
 
-    The constructor raises `UnsupportedError` if a code is reserved.
+    The constructor raises `UnsupportedError` if the code of a function, key length or tag length is reserved, or if
+    CMAC-AES is combined with a key length that AES does not have.
     """
 
     hash_function: int = 0  # HF, code of the hash function [OSNMA-ICD, DSM-KROOT]
@@ -111,7 +112,7 @@ class ChainParameters:
         """Time from the start of the subframe to the first bit of its key on air, in whole seconds rounded down.
 
         The first page starts 1 s after the start of the subframe. The OSNMA field is in the odd half of a page, which
-        starts 1 s after the start of the page. The result is 22 s for the operational layout.
+        starts 1 s after the start of the page. The result is 22 s with tags of 40 bits and keys of 128 bits.
         """
         return 1 + 2 * (self.key_start_bit // MACK_BITS) + 1
 

@@ -1,8 +1,8 @@
-"""Parse the digital signature messages (DSM) of OSNMA, which contain a signed root key or a new public key.
+"""Parse the digital signature messages (DSM) of OSNMA, which contain a root key, a public key or an alert notice.
 
 The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`, with lengths in bits. A DSM is 7
-to 16 blocks long. The satellites send different blocks at the same time, so a receiver with many satellites in view
-completes a DSM within a minute.
+to 16 blocks long. The satellites send different blocks at the same time, so a receiver with many satellites in view can
+complete a DSM within a minute.
 
 A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 | TOWH 8
 | alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 bits

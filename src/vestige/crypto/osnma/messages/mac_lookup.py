@@ -64,8 +64,8 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     """Return the slots of the tags in a subframe, including the slot of the first tag.
 
-    The function raises `UnsupportedError` if the table does not have the row of the chain, or if the number of slots in
-    the row differs from the number of tags in the MACK message.
+    The function raises `UnsupportedError` if the table lacks the row of the chain, or if the row does not have one slot
+    for each tag of the MACK message.
     """
     row = MAC_LOOKUP.get(parameters.mac_lookup)
     if row is None:

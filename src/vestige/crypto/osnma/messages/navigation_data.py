@@ -24,7 +24,7 @@ from vestige.time import GalileoTime
 
 ADKD_EPHEMERIS, ADKD_TIMING, ADKD_SLOW = 0, 4, 12  # [OSNMA-ICD, MACK]
 
-# ADKD -> (word type, first bit, end bit) of each piece [OSNMA-ICD, ADKD]
+# ADKD -> (word type, first bit, end bit) of each part that a tag covers [OSNMA-ICD, ADKD]
 NAVIGATION_FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
     ADKD_EPHEMERIS: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
     ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
@@ -43,7 +43,7 @@ class NavigationData:
     iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int  # time of reception of the piece that was received first, in GST seconds
+    oldest_s: int  # time of reception of the word that was received first, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

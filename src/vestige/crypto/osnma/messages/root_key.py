@@ -92,7 +92,7 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
         Keys that may have signed the DSM-KROOT. Only keys with the PKID of the DSM-KROOT, or without PKID, are used.
     near
         Time within 2048 weeks of the root key, such as the time of reception. The DSM-KROOT has the week only modulo
-        4096, and `near` determines the full week.
+        4096, and `near` determines the full week. The returned root key has `near` as its time of reception.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

@@ -63,7 +63,8 @@ class SatelliteSubframe:
     def sent(self) -> tuple[bytes | None, ...]:
         """The 15 OSNMA fields; None for a field that was not received or not sent.
 
-        OSNMA may start or stop within a subframe. A zero field counts as not sent, because its bits are not key bits.
+        OSNMA may start or stop within a subframe. A zero field counts as not sent, so that its bits are not read as
+        bits of a key.
         """
         return tuple(field if field is not None and any(field) else None for field in self.osnma)
 
@@ -80,7 +81,7 @@ class SatelliteSubframe:
 
     @property
     def hkroot(self) -> bytes | None:
-        """The HKROOT message, 15 bytes; None if a page is lost or was not sent."""
+        """The HKROOT message, 15 bytes; None if a field was not received or not sent (see `sent`)."""
         return _hkroot(self.sent)
 
     @property
@@ -93,7 +94,7 @@ class SatelliteSubframe:
         return None if last is None or any(last) else _hkroot((*self.sent[:-1], last))
 
     def mack_bits(self, start: int, length: int) -> int | None:
-        """Return `length` bits of the MACK message from bit `start` on, or None if a page is missing."""
+        """Return `length` bits of the MACK message from bit `start` on; None if a page of these bits is missing."""
         first, last = start // MACK_BITS, (start + length - 1) // MACK_BITS
         joined = 0
         for field in self.sent[first : last + 1]:

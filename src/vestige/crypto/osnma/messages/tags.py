@@ -1,8 +1,8 @@
 """Parse and compute tags and MACSEQ, the fields of OSNMA that authenticate navigation data.
 
 A MACK message with n_t tags is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key |
-padding`. Tags and MACSEQ are made with a key that is disclosed one subframe later. A tag of the slow MAC (ADKD 12) is
-made with a key that is disclosed eleven subframes later. A tag covers ::
+padding`. Tags and MACSEQ are made with a key that is disclosed one subframe later. The only exception is a tag of the
+slow MAC (ADKD 12), whose key is disclosed eleven subframes later. A tag covers ::
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
@@ -35,7 +35,7 @@ class Tag:
 
     counter: int  # CTR, number of the tag in the message; 1 for tag0
     value: int  # bits of the tag as a number; the length of a tag follows from the chain
-    info: int  # PRN_D, ADKD and COP in 16 bits; PRN_D and ADKD of tag0 are not sent, but follow from the slot
+    info: int  # PRN_D, ADKD and COP in 16 bits; tag0 does not send PRN_D (its sender) and ADKD (0)
 
     @property
     def svid(self) -> int:

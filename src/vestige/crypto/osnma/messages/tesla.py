@@ -255,7 +255,8 @@ def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKe
     """Return validated keys in time order, together with the keys of lost subframes, which follow from later keys.
 
     A derived key has the disclosure time of its own subframe, because the satellites disclosed the key in this
-    subframe. Keys of chains other than `chain` are returned unchanged.
+    subframe. Keys of chains other than `chain` are returned unchanged. If no key belongs to `chain`, all keys are
+    returned in the given order.
     """
     times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
     if not times:

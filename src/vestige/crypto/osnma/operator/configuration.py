@@ -51,7 +51,7 @@ class OperatorConfiguration:
     Raises
     ------
     UnsupportedError
-        If a code is reserved, or the MAC look-up table has no row for the number of tags.
+        If a code is reserved, or the MAC look-up table has no row `mac_lookup` with the number of tags.
     VestigeError
         If another setting has an invalid value.
 

@@ -63,7 +63,7 @@ class KeyTree:
 
 
 def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCurvePrivateKey] | None = None) -> KeyTree:
-    """Draw 15 key pairs from a seed, and return the tree over the key pairs and an alert notice.
+    """Draw 15 key pairs from a seed, and return the tree over the public keys and an alert notice.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def read_private_key(path: Path) -> ec.EllipticCurvePrivateKey:
     Raises
     ------
     InputFileError
-        If the file is not a PEM private key.
+        If the file is not a PEM private key without a password.
     UnsupportedError
         If the key is not on P-256.
     """

@@ -125,7 +125,7 @@ def draw_chain(
     *,
     redraw: bool = True,
 ) -> OperatorChain:
-    """Draw a chain, if possible with DSM-KROOTs that have no zero byte, and return the chain.
+    """Draw a chain, if possible with DSM-KROOTs that have no zero byte from alpha on, and return the chain.
 
     Some receivers treat a page with a zero HKROOT byte as lost. So the alpha of `parameters` and then random patterns
     from the seed are tried. A pattern is good if alpha, root key, signature and padding have no zero byte over the

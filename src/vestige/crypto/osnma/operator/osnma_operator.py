@@ -1,9 +1,9 @@
 """Make the OSNMA bits of every satellite and subframe from navigation words, as the OSNMA operator does.
 
 The operator signs root keys with a P-256 key that belongs to a leaf of its Merkle tree. The satellites broadcast the
-root keys in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`)
-with keys that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this
-Merkle tree treats the signal like the real signal.
+root keys in blocks (`hkroot`). The operator makes tags for words that were sent up to the previous subframe
+(`tag_plan`, `mack`), with keys that it discloses later. The operator also carries out a table of events (`timeline`). A
+receiver with this Merkle tree treats the signal like the real signal.
 
 The key of a tag is the key that is on air one or eleven subframes after the tag. Shortly before a change of chains,
 this key may belong to the next chain.
@@ -92,7 +92,7 @@ class OsnmaOperator:
     def key_at(self, time: GalileoTime) -> bytes:
         """Return the TESLA key that is disclosed in the subframe that starts at `time`.
 
-        The function raises `VestigeError` if the operator does not broadcast at this time.
+        The function raises `VestigeError` if the chain that is on air at this time has no key for the subframe.
         """
         return self.chains[phase_at(self._phases, time).chain].key_at(time).data
 

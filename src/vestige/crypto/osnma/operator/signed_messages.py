@@ -28,7 +28,7 @@ from vestige.errors import VestigeError
 
 _MIN_BLOCKS = min(KROOT_BLOCKS.values())
 _WEEKS = 4096  # week numbers are sent modulo this number [OSNMA-ICD, DSM-KROOT]
-_ALERT_NB = 7  # code of 13 blocks, the shortest DSM-PKR that is long enough for a notice
+_ALERT_NB = 7  # code of 13 blocks, which have room for a notice of `NOTICE_BYTES` bytes
 NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - LEAF_AT - 1
 
 

@@ -57,7 +57,10 @@ class NavigationHistory:
                     self._unchanged[svid, adkd] = data.bits, count + 1 if same else 1
 
     def data(self, svid: int, adkd: int, time: GalileoTime) -> NavigationData | None:
-        """Return the data that a tag of the subframe of `time` covers; None if the data was not completely sent."""
+        """Return the data that a tag of the subframe of `time` covers; None if words are missing or inconsistent.
+
+        The result is also None if the satellite sent no words in the previous subframe.
+        """
         return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
 
     def cut_off(self, svid: int, adkd: int) -> int:

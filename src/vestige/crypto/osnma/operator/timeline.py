@@ -20,7 +20,7 @@ NOMINAL, END_OF_CHAIN, NEW_PUBLIC_KEY = 1, 2, 4  # CPKS [OSNMA-ICD, 3.1.3]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootSource:
-    """Source of a broadcast root key: its chain, and the public key that signs it."""
+    """Source of a broadcast root key: its chain, and the public key that verifies its signature."""
 
     chain: int  # number of the chain: 0 for the first chain, 1 for the next chain, …
     pkid: int

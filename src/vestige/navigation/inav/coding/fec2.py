@@ -9,9 +9,9 @@ information::
     14 octets     bits 16 to 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
-In the polynomial of the code, the parity has the lower degrees, and the information has the higher degrees. The first
-octet of each part is the coefficient of the lowest degree. `reedsolo` expects the coefficient of the highest degree
-first.
+In the polynomial of the code, the parity has the lower degrees, and the information has the higher degrees. In the
+parity and in the information, the first octet is the coefficient of the lowest degree. `reedsolo` expects the
+coefficient of the highest degree first.
 """
 
 from __future__ import annotations

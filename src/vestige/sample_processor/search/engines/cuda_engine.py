@@ -1,10 +1,10 @@
 """Compute the powers of a search on a GPU, by overlap-save correlation in batches of many blocks and Doppler bins.
 
-One call processes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of complex64. The
-spectra of the blocks are multiplied with the spectra of the codes at the shift of every bin. A batched inverse FFT
-gives the correlations. Then the largest power over the bins is found for each code offset. Only this power is copied
-from the GPU: 4 bytes for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a
-shift.
+One call processes about 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of
+complex64. The spectra of the blocks are multiplied with the spectra of the codes at the shift of every bin. A batched
+inverse FFT gives the correlations. Then the largest power over the bins is found for each code offset. Only this power
+is copied from the GPU: 4 bytes for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin
+becomes a shift.
 
 Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
 computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has

@@ -1,8 +1,9 @@
 """Define the interface of the engines of the exhaustive search, which select code offsets for an exact computation.
 
 An engine gets samples that are summed into chips. The engine returns, for every code offset, the largest power over the
-Doppler bins. The power may be too low by up to `loss_db`. Offsets near the threshold are computed again exactly
-(`exact_cell`), and only the exact value decides. So the precision of an engine does not affect the results of a search.
+Doppler bins. The power may be too low by up to `loss_db`. Offsets near or above the threshold are computed again
+exactly (`exact_cell`), and only the exact value decides. So the precision of an engine does not change the values of a
+found signal.
 """
 
 from __future__ import annotations

@@ -52,6 +52,6 @@ class OverlapSave:
         return cls(length=length, offsets=length - n_chips + 1, shifts=shifts, loss_db=float(slope_db) + 0.01)
 
     def spectra(self, codes: Int8[np.ndarray, "codes chips"]) -> Complex64[np.ndarray, "codes length"]:
-        """Return the conjugate spectra of codes over `length`, so that an inverse transform needs no factor."""
+        """Return the conjugate spectra of codes, divided by `length` so that an inverse transform needs no factor."""
         spectra = np.conj(fft.fft(codes.astype(np.complex64), self.length, axis=1)) / self.length
         return spectra.astype(np.complex64)

@@ -45,7 +45,7 @@ have 960 chips, which costs 1.4 dB at the edge of a pass.
 follows, in float32 with one lane for each of eight offsets. A sum over **1 ms** fills an eighth of the inputs and needs
 every fourth output. A sum over **2 ms** fills a quarter of the inputs and needs every second output. A sum over **16
 ms** has two groups of 128 segments. The bins Z of a group are 62.4 Hz apart. The bins of the two groups are joined
-coherently at f ± δ, which gives two sub-bins for each bin. Within a group δ is not removed, which costs sinc²(δ · 8
-ms), 0.22 dB. Neighbouring bins differ by half a cycle over the duration of a group, so the join needs only signs and
-two constants.
+coherently at f ± δ with δ = 15.6 Hz, which gives two sub-bins for each bin. Within a group δ is not removed, which
+costs sinc²(δ · 8 ms), 0.22 dB. Neighbouring bins differ by half a cycle over the duration of a group, so the join needs
+only signs and two constants.
 """
