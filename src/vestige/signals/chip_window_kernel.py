@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 **Packed chips.** A code is packed into one bit per chip, 32 chips to a word (`vestige.records.packed_chips`). A bit 1
 means the chip −1. A window is 32 consecutive chips. A left shift by s brings chip s of the window into the sign bit.
-The sign bit, XORed into a float32, multiplies the float32 by the chip.
+The sign bit and the bits of 1.0 together are the chip as a float32 (`chip_of`).
 
 **One window for many samples.** A window has the chips of a group of samples, which lie in at most 15 chips. The window
 is valid for every delay within `WINDOW_REACH_CHIPS` of a common middle. At about 2.2 or more samples per chip, 32

@@ -106,7 +106,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """Outcome that more than half of the runs have, in one or two words; `MIXED` if there is no such outcome."""
+        """Outcome that more than half of the runs have, in a few words; `MIXED` if there is no such outcome."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
         word = outcome_word(*(share.value > HALF for share in shares))
         return MIXED if word == HARMLESS and self.harmless.value <= HALF else word

@@ -1,4 +1,4 @@
-"""Old names of keys and values work for one release, with a warning."""
+"""Old names of keys and values still work, with a warning."""
 
 from __future__ import annotations
 

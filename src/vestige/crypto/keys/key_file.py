@@ -63,7 +63,7 @@ class KeyFile:
 
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     roots: tuple[RootKey, ...]  # verified root keys in the order in which they were received
-    alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was received
+    alerts: tuple[GalileoTime, ...]  # first subframe with a verified alert message; empty without an alert
 
 
 def write_key_file(

@@ -222,10 +222,7 @@ class LiveRecording:
 
     @property
     def ended(self) -> bool:
-        """Whether no more samples can come from the pipes, and all of E1 is tracked.
-
-        Without a pipe the value is always False, because a file has no mark of its end.
-        """
+        """Whether all pipes have ended and E1 is tracked to the end; always False for files, which have no end mark."""
         return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
 
     @property
