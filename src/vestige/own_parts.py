@@ -90,8 +90,8 @@ def part(kind: str, base: type) -> Any:
     Raises
     ------
     OwnPartError
-        If no folder was named, if module or class do not exist, if the module cannot be imported, or if the class does
-        not satisfy `base`.
+        If `kind` does not have the form `module:Name`, if no folder was named, or if the module cannot be imported. If
+        the module itself does not define a class with this name, or if the class does not satisfy `base`.
     """
     match = _KIND.fullmatch(kind)
     if match is None:

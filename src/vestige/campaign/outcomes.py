@@ -120,8 +120,8 @@ class AttackReport:
     epochs: int  # number of attacked epochs with a due verdict
     shares: dict[DetectedSignal, float]  # share of each outcome in attacked epochs with a due verdict
     time_to_detect_s: float  # time from the attack's first epoch to the first alarm under attack; NaN without alarm
-    # time from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if the
-    # detector never finds the true signal again, 0 if the detector always found the true signal
+    # time from the attack's first epoch to the first epoch from which on at least the share `SHARE` of the detections
+    # is of the true signal; NaN if there is no such epoch
     time_to_mitigate_s: float
     # error of a range in use with the largest magnitude, with its sign; NaN if no range was in use
     worst_range_m: float

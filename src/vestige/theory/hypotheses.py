@@ -10,8 +10,8 @@ and III-E]. The two searches have these numbers of hypotheses:
 
 The paper counts 30 s / 4 ms = 7500 hypotheses for the hand-over, one code offset in each period of the E1 code. With a
 bank of taps, this number is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1
-comes first. The detection on E1 has its own number of hypotheses: `exhaustive_hypotheses` over one E1 period with the
-E1 chip.
+comes first. The detection on E1 has its own number of hypotheses. `exhaustive_hypotheses` computes this number from the
+period of the E1 code and the duration of an E1 chip.
 
 The numbers are not rounded to whole steps. Hypotheses less than a chip apart have correlated noise, so N of these
 hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` computes the number of independent

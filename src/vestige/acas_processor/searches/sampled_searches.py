@@ -59,8 +59,8 @@ class SatelliteSearch:
     svid: int
     signals: tuple[Acquisition, ...]  # signals on E1, the strongest signal first; empty for the exhaustive search
     # Peaks in E6, in order of time. The first peak is the earliest signal on E6. The tuple is empty if the first peak
-    # may have arrived after the disclosure of the key of the RECS. In this case E6 proves nothing, but `count` still
-    # counts several signals.
+    # may have arrived after the disclosure of the key of the RECS. The peaks then do not show which signal is true, but
+    # `count` includes these peaks.
     peaks: tuple[Peak, ...]
     count: float  # number of signals; NaN if the search was not run
     carrying: int = 0  # number of signals that carry the encrypted chips

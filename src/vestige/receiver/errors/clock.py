@@ -82,9 +82,10 @@ class ClockProcess:
         self._last_s = self._bias_m = self._drift_mps = 0.0
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return the clock error in m, positive if ahead, and its rate in m/s at later times; both are 0 at the start.
+        """Return the clock error in m and the rate of the clock error in m/s at the given times.
 
-        The function raises `ValueError` if a time is earlier than the time before.
+        The error is positive if the clock is ahead. At the start, error and rate are 0. The function raises
+        `ValueError` if a time is earlier than the time before, or than the last time of the previous call.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

@@ -11,9 +11,9 @@ A signal that is weak against the noise grows by c_1. Noise of correlation coeff
 
     E q q' = Σ_k c_k² ρ^k                        [PRICE58]
 
-Relative to the signal, the correlation behind the quantiser is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 the sum is E q²/c_1², the
-loss in white noise: 1.96, 0.55 and 0.17 dB for 1, 2 and 3 bits (Thompson, Emerson and Schwab 2007). The loss is smaller
-if the bandwidth of the noise is small against the sampling rate.
+Divided by the power gain c_1² of the signal, the output correlation is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 the sum is
+E q²/c_1², the loss in white noise: 1.96, 0.55 and 0.17 dB for 1, 2 and 3 bits (Thompson, Emerson and Schwab 2007). The
+loss is smaller if the bandwidth of the noise is small against the sampling rate.
 """
 
 from __future__ import annotations

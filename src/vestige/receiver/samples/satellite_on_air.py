@@ -59,7 +59,7 @@ class SatelliteOnAir:
 
     simulation: Simulation
     path: ContinuousTruth
-    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
+    symbols: Sequence | None = None  # symbols of E1-B since the start of the scenario; None for random symbols
     forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:

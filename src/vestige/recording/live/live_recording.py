@@ -1,8 +1,8 @@
 """Read a recording that another process is still writing, from files or pipes.
 
 Only `look` finds new data. Between two calls of `look` the ends of the samples do not change. Any window of a file can
-be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops the samples that these RECS
-do not need.
+be read at any time. For a pipe, `keep` gets the times of the RECS that still need a snapshot, and drops earlier samples
+that neither these RECS nor tracking needs.
 
 If E1 is tracked, the navigation message gives the error of the samples' time tag. All times in this module are
 corrected for the error of the time tag.

@@ -130,7 +130,7 @@ class ObservationTrack:
         return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
-        """Read the epochs within `reach` of `time`, because neighbours of the nearest epochs give missing values."""
+        """Read the epochs up to `reach` seconds before and after `time`, which `at` needs to interpolate values."""
         reach = max(reach, SAME_TIME_S)  # `reach` is 0 if the file has a single epoch, which gives no interval
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()

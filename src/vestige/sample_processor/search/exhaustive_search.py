@@ -240,7 +240,7 @@ def searchable(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Block:
-    """Code offsets of one pass that are searched at once; offset j starts j received chips after `begin`."""
+    """Code offsets of one pass that are searched at once; offset j is `first` + j received chips after `begin`."""
 
     search: ExhaustiveSearch
     middle_hz: float

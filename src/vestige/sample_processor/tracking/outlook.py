@@ -99,8 +99,8 @@ class Outlook:
         """Return the satellite to look for next; None if all satellites are tracked.
 
         Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. The
-        fourth search is for the other untracked satellites, if there are any. If a search may take several satellites,
-        the satellite whose last search is the oldest comes first.
+        fourth search is for the other untracked satellites, if there are any. If several satellites qualify for a
+        search, the function returns the satellite that was searched for the longest time ago.
 
         Parameters
         ----------

@@ -122,8 +122,8 @@ def _copy(value: Any) -> Any:
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
     """Return the object that the tables describe, or raise an `InputFileError` with the position of the first error.
 
-    Strings and Boolean values are not converted to numbers. The models have tuples and objects where TOML and JSON have
-    lists and tables, so the tables are validated as JSON.
+    Strings and Boolean values are not converted to numbers. The tables are validated as JSON, because strict validation
+    of Python values refuses a list where a model has a tuple.
 
     Errors are an unknown key, a missing key, a value of the wrong type, and a value outside its range.
     """

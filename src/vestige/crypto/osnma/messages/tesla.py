@@ -149,9 +149,10 @@ class Chain:
         return self._known.get(key.time.gst_seconds) == key.data
 
     def derive(self, time: GalileoTime) -> Key:
-        """Compute the key of a subframe from the next later validated key, and return the computed key.
+        """Compute the key of a subframe from the first validated key that is not earlier, and return the computed key.
 
-        The function raises `AuthenticationError` if no later key was validated.
+        The function raises `AuthenticationError` if neither the key of the subframe nor a later key was validated, or
+        if the first of these keys is more than `MAX_STEPS` subframes later.
         """
         at = bisect_right(self._times, time.gst_seconds - 1)
         if at == len(self._times):

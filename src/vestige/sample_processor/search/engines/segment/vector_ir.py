@@ -161,7 +161,7 @@ class _Complex:
         return self._product(w.real, w.imag, self.unit.scaled)
 
     def times(self, w_re, w_im):
-        """Return the number times a complex number in lanes."""
+        """Return the product of this complex number and `w_re` + j `w_im`, whose parts are lanes."""
         z = self._product(w_re, w_im, self.unit.times)
         return _Complex(self.unit, z.re, self.unit.unbiased(z.im))  # in the real part the biases cancel
 
