@@ -17,7 +17,8 @@ limits:
 * The probability of E6 power is 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
 * The probability of power–distortion is 0.006ᵏ: 0.6 % is the published false-alarm probability [WESSON18], and k is the
   number of confirmations.
-* The probability of OSNMA agreement is 2⁻²⁴, the probability that CRC-24 passes a damaged page.
+* The probability of OSNMA agreement is 2⁻²⁴, the probability that CRC-24 passes a damaged page. This is an upper limit
+  for a subframe with one damaged page. If all pages of eight satellites are damaged, there are 0.02 false alarms a day.
 * The probability of the clock limit is `CLOCK_LIMIT_P_FA`.
 
 The sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
