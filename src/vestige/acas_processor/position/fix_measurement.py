@@ -46,7 +46,7 @@ class FixSettings:
     authenticated: frozenset[int] | None = None  # satellites with authenticated ephemerides; None for all satellites
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
     fit_interval_s: float = FIT_INTERVAL_S  # longest time in s between the reference time of an ephemeris and its use
-    near: ApproximatePosition | None = None  # known position of the receiver; None if no position is known
+    near: ApproximatePosition | None = None  # approximate position that is known before the fix; None if unknown
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
         """Return why no fix is possible at a time; None if a fix is possible, or if no ephemerides are given."""

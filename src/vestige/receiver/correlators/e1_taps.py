@@ -131,8 +131,8 @@ def power_with_rays(
     """Return the mean C/N0 in the prompt correlator with reflections, relative to the undisturbed true signal.
 
     The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
-    out. Only the true signal has reflections. When a spoofing signal has pulled the loop away, the reflections lie
-    outside the prompt correlator.
+    out. Only the true signal has reflections. A reflection is outside the prompt correlator if a spoofing signal has
+    pulled the loop more than a chip away from the reflection.
 
     Parameters
     ----------

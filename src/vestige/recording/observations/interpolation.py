@@ -40,8 +40,8 @@ WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
 # 0.01 mm
 SAME_TIME_S = 1e-8
 SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # allowed difference of phase and integrated Doppler: a constant, plus a rate times T
-# largest difference of code and carrier in m, half an E1 chip: more than noise and multipath, less than a step of the
-# receiver's clock
+# largest difference in m between the changes of pseudorange and carrier phase from epoch to epoch, about half an E1
+# chip: more than noise and multipath cause, less than a step of the receiver's clock
 CODE_CARRIER_M = 150.0
 
 

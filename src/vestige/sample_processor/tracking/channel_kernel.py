@@ -75,7 +75,7 @@ CHANNEL_STATE = np.dtype(
         ("sum_im", "f8"),
         ("sum_in_phase", "f8"),  # sum of the squared in-phase parts of the prompts in the present secondary code
         ("summed", "i8"),
-        ("signal", "f8"),  # square of the mean in-phase part, smoothed
+        ("signal", "f8"),  # square of the mean in-phase part minus the part of the noise, smoothed
         ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first value
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),  # phase lock of the last secondary code

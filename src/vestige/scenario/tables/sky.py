@@ -22,7 +22,9 @@ from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
 from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
-_GRID_S = 60.0  # a satellite that is above the mask for a shorter time than 60 s may be left out
+# Interval in s of the times at which elevations are compared with the mask; longer if the run needs more than
+# `_MOST_TIMES` times. A satellite that is above the mask for less than an interval may be left out.
+_GRID_S = 60.0
 _MOST_TIMES = 3000
 _LARGEST_SPEED_MPS = 1000.0
 _LARGEST_ACCELERATION_MPS2 = 100.0  # 10 times the acceleration of gravity
