@@ -51,6 +51,7 @@ def power_rise_db(
     """Return ΔP, the rise of the power in the band, in dB.
 
     Each satellite has two signals. η is the power of the second signal divided by the power of the true signal, and is
-    equal for all satellites. All arguments are linear ratios. An argument of length 1 is valid for all elements of the result.
+    equal for all satellites. All arguments are linear ratios. An argument of length 1 is valid for all elements of the
+    result.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))
