@@ -148,7 +148,7 @@ trust_options = options_together(
         click.option(
             f"--{name.lower().replace(' ', '-')}",
             type=PATH,
-            help=f"File of the OSNMA {name}, if it is not in the assistance folder.",
+            help=f"File of the OSNMA {name}. Without this option, a {name} in the assistance folder is used.",
         )
         for name in ("public key", "Merkle tree")
     )

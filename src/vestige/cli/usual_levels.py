@@ -78,7 +78,8 @@ usual_level_options = options_together(
     number_option(
         "--alarms-per-day",
         (1e-6, 1000),
-        help="Accepted number of false alarms a day with ten satellites and a RECS each 30 s. The number sets --kappa.",
+        help="Accepted number of false alarms a day with ten satellites and a RECS each 30 s. The number sets --kappa "
+        "and the thresholds of the other checks.",
     ),
 )
 

@@ -153,7 +153,7 @@ _e6_options = options_together(
         (0, 900),
         default=600.0,
         help="Extend the bank of E6 correlators by this distance in m to the early side. If E1 tracks a repeater, "
-        "the true signal is there. The whole bank is at most 820 m long.",
+        "the true signal is there. The bank is not extended beyond a length of 820 m.",
     ),
     click.option(
         "--spacing",
