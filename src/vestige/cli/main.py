@@ -92,8 +92,8 @@ def vestige() -> None:
       0    The command has finished. Verdicts do not change this status.
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
-      2    Options that do not exist or exclude each other. The command
-           does not begin.
+      2    Options that do not exist, exclude each other or are missing.
+           The command gives no results.
       3    process and live: the verdicts match the value of --fail-on.
       130  Ctrl-C or SIGTERM. A line says which results are kept.
 

@@ -225,8 +225,8 @@ processor_options = options_together(
         "--fail-on",
         type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
         help="Condition for exit status 3. spoofed: a verdict is SPOOFED. alarm: a verdict or a state was an alarm "
-        "(SPOOFED, SUSPECT or NOT_DETECTED). unauthenticated: not every verdict is AUTHENTIC. Scripts should use "
-        "alarm.",
+        "(SPOOFED, SUSPECT or NOT_DETECTED). unauthenticated: not every verdict is AUTHENTIC. A script "
+        "that needs proof of the signals uses unauthenticated; a script that reacts to attacks uses alarm.",
     ),
     _level_options,
     _e6_options,
