@@ -109,7 +109,8 @@ def _concludes(
 ) -> str:
     """Return in words the results of a detector in an interval.
 
-    The results are the median range offset, the share of epochs nearer to the spoofer, and the share with an alarm.
+    The results are the median range offset, the share of epochs whose range offset is nearer to the spoofing signal,
+    and the share of epochs with an alarm.
     """
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]

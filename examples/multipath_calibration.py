@@ -4,10 +4,10 @@
 
 The paper [WFO, Sec. VI-A] gives the number of missed RECS, 52 of 100,000, but not the power, delay and number of the
 reflections. The example shows that many channels have 52 misses. The script runs `scenarios/harsh.toml` as correlators
-over many channels. For each number of reflections and each mean excess delay the script finds the power at which 52
-RECS are missed. The script then compares two other results of the paper: the cluster of range offsets near −22.5 m, and
-the standard deviation of the range offset. The script writes FOLDER/calibration.csv and FOLDER/calibration.png (the
-default folder is build/calibration).
+over many channels. For each number of reflections and each mean excess delay the script interpolates between the tested
+powers to the power at which 52 of 100,000 RECS are missed. For this power the script also gives two other results to
+compare with the paper: the number of range offsets in the cluster near −22.5 m, and the standard deviation of the range
+offset. The script writes FOLDER/calibration.csv and FOLDER/calibration.png (the default folder is build/calibration).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 The lift-off attack
 ===================
 
-Use this example to see when each detector follows a spoofing signal. The attacker repeats E6, so a
-spoofing signal appears on top of the true signal. The attacker raises the power of the spoofing signal, and then
-increases the delay of this signal. Section VI-B of the paper has the same attack.
+Use this example to see when each detector follows a spoofing signal. The attacker repeats E6. The weak spoofing
+signal first approaches the true signal, and then gains power and moves away. Section VI-B of the paper has the same
+attack.
 """
 
 # %%
@@ -23,8 +23,8 @@ results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidel
 
 # %%
 # The upper axes show the power of the spoofing signal. The lower axes show the range that each detector measures. The
-# early detector returns to the true signal as soon as the two peaks are separate, because nothing can arrive before
-# the true signal.
+# early detector returns to the true signal when the two peaks have separated, because nothing can arrive before the
+# true signal.
 axes = plots.attack_comparison(results)
 
 # %%

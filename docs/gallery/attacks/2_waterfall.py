@@ -8,7 +8,7 @@ time as a surface, as in the paper, and as a map.
 
 # %%
 # In the lift-off attack the spoofing signal has the delay of the true signal at 600 s, and then moves away. The two
-# peaks separate at about 850 s.
+# peaks begin to separate at about 850 s.
 import vestige as vs
 from vestige import plots
 from vestige.campaign.execution.direct import direct_results

@@ -3,7 +3,7 @@ A sky of verdicts
 =================
 
 Use this example to read verdicts in a script. An attacker pulls two of eight satellites away. The sky plot shows the
-verdict of each satellite.
+last verdict of each satellite.
 """
 
 # %%

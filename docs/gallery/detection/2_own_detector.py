@@ -8,7 +8,7 @@ that counts as the signal. :doc:`/extend` says how a scenario names the class.
 """
 
 # %%
-# The detector takes the earliest peak that is at least a third as high as the highest correlator.
+# The detector takes the earliest peak that exceeds the threshold and a third of the highest correlator.
 from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
@@ -49,7 +49,7 @@ chosen = {name: one.detect(magnitudes / noise, threshold) for name, one in detec
 
 # %%
 # The figure shows which correlator each detector chooses. Correlators are 15 m apart. The prediction from E1 is at 0 m.
-# The counts on the right side of the figure are reflections that a detector took for the signal.
+# Most counts far to the right of 0 m are reflections that a detector took for the signal.
 offsets_m = results["tap_offset_m"].values
 figure, axes = plt.subplots(layout="constrained")
 for place, (name, taps) in enumerate(chosen.items()):

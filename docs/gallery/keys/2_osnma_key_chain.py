@@ -3,7 +3,7 @@ How one OSNMA key proves another
 ================================
 
 Use this example to understand what "validated" means. Each key of the chain is the hash of the next key. So a
-receiver that knows a true key can check every later key. Nobody can compute a key before the key is sent.
+receiver that knows a true key can check every later key. Only the operator can compute a key before the key is sent.
 """
 
 # %%
@@ -32,7 +32,7 @@ root, received = chain[0], chain[12]
 
 
 def hashed_down(key):
-    """Return a key of 12:06:00 GST and the twelve keys before this key, the root key last."""
+    """Return a key of 12:06:00 GST and its twelve hashes; the last hash of a true key is the root key."""
     keys = [key]
     for step in range(12, 0, -1):
         keys.append(one_way(keys[-1], start + 30 * (step - 1), parameters))
@@ -44,7 +44,8 @@ print("received key:", hashed_down(received)[-1] == root)
 print("forged key:  ", hashed_down(forged)[-1] == root)
 
 # %%
-# After one hash, about half of all bits differ. A forged key with a single wrong bit fails like any other forged key.
+# After one hash, the true and the forged key differ in about half of their bits. A forged key with a single wrong bit
+# fails like any other forged key.
 true_keys, forged_keys = (np.array([list(key) for key in hashed_down(one)], np.uint8) for one in (received, forged))
 differ = np.unpackbits(true_keys ^ forged_keys, axis=1)
 figure, axes = plt.subplots(layout="constrained")

@@ -3,7 +3,7 @@ Correlate IQ samples yourself
 =============================
 
 Use this example to check vestige's correlator, or to start a receiver of your own. The script makes E1 and E6 samples
-of five satellites, and finds a satellite in E6 with three lines of numpy.
+of five satellites, and finds a satellite in E6 with a few lines of numpy.
 """
 
 # %%
@@ -28,8 +28,8 @@ recording = vs.open_recording(folder)
 batch = recording.e6.read(0, round(4e-3 * 12.5e6))
 
 # %%
-# The samples are complex numbers around the E6 carrier. The replica has, for each sample of 1 ms, the chip that is on
-# air.
+# The samples are complex numbers around the E6 carrier. The replica is a code period of 1 ms, with a chip of the
+# code for each sample.
 rate_hz = batch.sample_rate_hz
 n = round(1e-3 * rate_hz)
 chips = primary_code(E6C, 3).astype(float)

@@ -2,8 +2,8 @@
 Autocorrelation of the E6-C code
 ================================
 
-Use this example to see why the early detector needs a distance of a chip, and how the bandwidth of a front end changes
-the peak. A chip of E6-C is 58.6 m long.
+Use this example to see why the early detector needs a distance of a chip between two signals, and how the bandwidth
+of a front end changes the peak. A chip of E6-C is 58.6 m long.
 """
 
 # %%

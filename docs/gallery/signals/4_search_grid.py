@@ -2,8 +2,8 @@
 Two signals of one satellite
 ============================
 
-Use this example to see how a vestigial search finds two signals. A meaconer that repeats a satellite leaves the true
-signal in the samples, so the grid of code phase and Doppler has both signals.
+Use this example to see how a vestigial search finds two signals. A meaconer without nulling leaves the true signal in
+the samples, so the grid of code phase and Doppler has both signals.
 """
 
 # %%
