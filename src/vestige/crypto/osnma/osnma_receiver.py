@@ -253,10 +253,7 @@ class OsnmaReceiver:
         return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
 
     def _use(self, message: _Message) -> list[ValidatedKey]:
-        """Validate the key of a subframe, process the subframe's tags, and return the keys that may be used.
-
-        A satellite's subframe whose chain is not yet registered is stored for later.
-        """
+        """Return the usable keys of a subframe, and process the tags; keep subframes of unknown chains for later."""
         by_chain: dict[int, list[SatelliteSubframe]] = {}
         for subframe in message.satellites:
             by_chain.setdefault(self._chain_id(subframe, message.chain_id), []).append(subframe)
