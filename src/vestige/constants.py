@@ -1,4 +1,4 @@
-"""Define physical constants and constants of the Galileo system, each with its source."""
+"""Define physical constants, units of time, and constants of the Galileo system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define errors and warnings about input. A message names file, position, found value and expected value."""
+"""Define errors and warnings about input. An `InputFileError` names file, position, found value and expected value."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def satellite_names(svids: Iterable[int]) -> str:
 
 
 def printable(text: str) -> str:
-    """Return `text` with unprintable characters escaped: control and C1 characters, line breaks, bidirectional marks.
+    """Return `text` with unprintable characters escaped, such as control characters, line breaks, bidirectional marks.
 
     Names and contents of files are untrusted text. Untrusted text can clear a terminal's screen, or make the terminal
     show other characters than the text has.

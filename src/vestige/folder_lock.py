@@ -1,4 +1,4 @@
-"""Lock a folder for a single writer. A second writer gets an error and writes nothing."""
+"""Lock a folder for a single writer. If the file system has locks, a second writer gets an error and writes nothing."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
-"""Compile kernels (functions for numba), and recompile their machine code after a change of any kernel.
+"""Compile kernels (functions for numba), and recompile them after a change of inlined functions.
 
-numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
-ignores changes in modules whose functions are inlined. After an update of vestige, a kernel would silently use old
-inlined functions on tables of a new layout. Old machine code once made E1 tracking lose its satellites. numba
-recognises old code by a mark that is stored with the code. So this module computes the mark of a kernel from its own
-file and the files of all kernels. The mark consists of the time of the newest change and the total size of the files.
+With `cache=True`, numba stores the machine code of a function on disk, and recompiles the function if its own module
+has changed. numba ignores changes in modules whose functions are inlined. After an update of vestige, a kernel could
+silently use old inlined functions on tables of a new layout. Old machine code once made E1 tracking lose its
+satellites. numba recognises old code by a mark that is stored with the code. So this module computes the mark of a
+kernel from its own file and from the files that match `KERNELS`. The mark consists of the time of the newest change and
+the total size of the files.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ KERNELS = ("packed_chips.py", "*_kernel.py", "*_vectors.py", "vector_ir.py", "ve
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return a decorator that compiles a function by `numba.njit`, and recompiles it after a change of any kernel.
+    """Return a decorator that compiles a function by `numba.njit`, and marks its stored machine code by `source_mark`.
 
     Parameters
     ----------
@@ -52,12 +53,12 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @cache
 def source_mark(package: Path, module: str) -> tuple[int, int]:
-    """Return the time of the newest change in ns and the total size in bytes of a module and of all kernels."""
+    """Return the time of the newest change in ns and the total size in bytes of a module and the files of `KERNELS`."""
     stats = [path.stat() for path in _kernels(package) | {Path(module)}]
     return max(one.st_mtime_ns for one in stats), sum(one.st_size for one in stats)
 
 
 @cache
 def _kernels(package: Path) -> frozenset[Path]:
-    """Return the modules of a package with functions that other modules inline. The folders are listed only once."""
+    """Return the files of a package that match `KERNELS`. The folders are listed only once."""
     return frozenset(path for pattern in KERNELS for path in package.rglob(pattern))

@@ -1,10 +1,10 @@
 """Write outputs so that an output is either complete or unchanged, and never destroys an input.
 
 A command whose output could be one of its inputs calls `check_output` before the computation. Most commands write
-through `replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and
-rename at the end. The private folder is new, so no other user can have prepared it. After an error or Ctrl-C the
-private folder is removed. A killed process leaves the private folder, which is hidden and harmless. `vestige simulate`
-can resume an unfinished recording (`simulated.unfinished_recording`).
+through `replacement` or `new_folder`. Both functions yield a path in a private folder beside the output, `.output.…`,
+and rename the result at the end. The private folder is new, so no other user can have prepared it. After an error or
+Ctrl-C the private folder is removed. A killed process leaves the private folder, which is hidden and harmless. `vestige
+simulate` can resume an unfinished recording (`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
     ------
     InputFileError
         If the output is an input or lies in the store of a campaign. If an output file would lie in an input folder, or
-        would replace a folder, a symbolic link or a device.
+        would replace a folder, a symbolic link, a device or a pipe.
     OSError
         If the folder of an output file does not exist.
     """
@@ -73,7 +73,7 @@ def replacement(output: Path) -> Iterator[Path]:
     Raises
     ------
     InputFileError
-        If `output` is a symbolic link or a device, or lies in the store of a campaign.
+        If `output` is a symbolic link, a device or a pipe, or lies in the store of a campaign.
     OSError
         If the output cannot be written. The error has the name of `output`.
     """
@@ -93,7 +93,7 @@ def replacement(output: Path) -> Iterator[Path]:
 def new_folder(output: Path) -> Iterator[Path]:
     """Yield a folder to write into, which becomes `output` at the end.
 
-    If several writers have the same `output`, only the first writer succeeds.
+    If several writers have the same `output`, only the writer that finishes first succeeds.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def check_new_folder(output: Path) -> None:
 
 @contextmanager
 def naming(output: Path, private: str | None = None) -> Iterator[None]:
-    """Put the name of `output` into errors that name the folder `private`, or name no file because the disk is full."""
+    """Put the name of `output` into errors that name the folder `private`, or report a full disk and name no file."""
     try:
         yield
     except OSError as error:

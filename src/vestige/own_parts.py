@@ -68,7 +68,7 @@ def own_parts_from(folder: Path | str) -> None:
 
 
 def is_own(kind: object) -> bool:
-    """Return whether `kind` names a class that a user wrote, in the form `module:Name`."""
+    """Return whether `kind` is a string with a colon, like the name `module:Name` of a class that a user wrote."""
     return isinstance(kind, str) and ":" in kind
 
 
@@ -186,7 +186,10 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
 
 
 def digest(kind: str) -> str:
-    """Return the first 12 hexadecimal digits of the SHA-256 of a user's module file, as the file was at import."""
+    """Return the first 12 hexadecimal digits of the SHA-256 of a user's module file, with line feeds as line ends.
+
+    The file is read when `part` imports the module, or at the first call if the module was imported otherwise.
+    """
     module = kind.partition(":")[0]
     if module not in _digests:
         _digests[module] = _digest(Path(str(sys.modules[module].__file__)))
@@ -197,7 +200,7 @@ def digest(kind: str) -> str:
 def blamed_on_own_parts() -> Iterator[None]:
     """Turn an exception in a module of the user into an `OwnPartError` with file and line.
 
-    Exceptions from other modules, and every `VestigeError`, pass unchanged.
+    A `VestigeError`, and an exception whose traceback has no line in a module of the user, pass unchanged.
     """
     try:
         yield

@@ -35,6 +35,6 @@ def processor_name() -> str:
     """Return LLVM's name of this CPU, such as `znver3`.
 
     The kernels are compiled for this CPU. The vector instructions of the CPU determine the order in which the terms of
-    a sum are added. So sums over samples differ between kinds of CPU in the last digits of single precision.
+    a sum are added. So sums over samples can differ between kinds of CPU in the last digits of single precision.
     """
     return str(get_host_cpu_name())

@@ -1,7 +1,7 @@
 """Make named streams of random numbers; equal seed and labels give equal streams, in any order of use.
 
-There is no global generator and no seed per worker. Labels give the purpose of the numbers, and the epoch or satellite,
-as in `stream(seed, "multipath", epoch)`.
+There is no global generator and no seed per worker. The first label gives the purpose of the numbers. Further labels
+can give an epoch or a satellite, as in `stream(seed, "multipath", epoch)`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def stream_key(seed: int, *labels: str | int) -> bytes:
 def stream(seed: int, *labels: str | int) -> np.random.Generator:
     """Return the random generator of the stream with `seed` and `labels`.
 
-    Philox is counter based, so streams with different keys do not overlap.
+    Philox is a counter-based generator, whose streams with different keys are statistically independent.
     """
     key = np.frombuffer(stream_key(seed, *labels)[:16], dtype="<u8")
     return np.random.Generator(np.random.Philox(key=key))

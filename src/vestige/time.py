@@ -1,10 +1,11 @@
 """Represent Galileo System Time (GST) with full precision.
 
-A float64 time of week has steps of 0.1 ns, which is 3.5 cm of range. So an absolute time is never a single float. An
-absolute time is a week, a whole second of the week and a fraction. The difference of two times is a float in s.
+A float64 time of week has steps of up to 0.12 ns, which is 3.5 cm of range. So an absolute time is never a single
+float. An absolute time is a week, a whole second of the week and a fraction. The difference of two times in s is a
+float.
 
-GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers report UTC, so this module
-has a table of the leap seconds since 1999.
+GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Many receivers report UTC, so this
+module has a table of the leap seconds since 1999.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ class GalileoTime:
 
     @classmethod
     def from_utc(cls, moment: datetime) -> GalileoTime:
-        """Return the time for a UTC calendar date and time."""
+        """Return the time for a UTC calendar date and time; a time zone is ignored."""
         moment = moment.replace(tzinfo=UTC)
         offset = next((leap for day, leap in LEAP_SECONDS if moment >= day), LEAP_SECONDS[-1][1])
         return cls.from_calendar(moment + timedelta(seconds=offset))
@@ -134,9 +135,10 @@ class GalileoTime:
         Parameters
         ----------
         text
-            Text of the time. A time without `GST`, `UTC` or `Z` is in `default_scale`.
+            Text of the time. A calendar time without `GST`, `UTC` or `Z` is in `default_scale`. `WEEK:SECOND` is
+            always in GST.
         default_scale
-            Time scale of a text without a time scale, `GST` or `UTC`.
+            Time scale of a calendar time without a time scale, `GST` or `UTC`.
 
         Raises
         ------

@@ -42,7 +42,7 @@ class ValidatedKey:
 
     @property
     def chain_id(self) -> int:
-        """OSNMA chain (CID) of the key."""
+        """Number (CID) of the OSNMA chain of the key."""
         raise NotImplementedError
 
     @property
@@ -60,7 +60,7 @@ class ValidatedKey:
 
     @property
     def complete_at(self) -> GalileoTime:
-        """Time at which the last bit of the key has been sent, which is the earliest possible time of a verdict."""
+        """Time at which the last bit of the key has been sent; no verdict with this key is possible earlier."""
         raise NotImplementedError
 
     @property

@@ -11,7 +11,7 @@ from llvmlite import ir
 
 
 class Lanes:
-    """Access to a numba array that loads and stores vectors at an element."""
+    """Access to the elements of a numba array, for LLVM code that loads and stores vectors or numbers."""
 
     def __init__(self, context, builder, array_type, array):
         self.builder = builder

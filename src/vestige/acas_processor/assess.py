@@ -10,8 +10,7 @@ block are therefore computed with a guess. The guess says for each epoch whether
 satellites are AUTHENTIC. Three steps find the right guess:
 
 1. The first guess follows from the checks that do not depend on a guess.
-2. Compute the verdicts of the block with the guess. The verdict of an epoch depends only on the guess for earlier
-   epochs.
+2. Compute the verdicts of the block with the guess. The guess for an epoch affects only the verdicts of later epochs.
 3. All verdicts up to and including the first wrongly guessed epoch are right. Take the verdicts as the next guess and
    repeat step 2, until the verdicts agree with the guess. The guess for the last epoch may be wrong, because no other
    epoch of the block depends on the last epoch.
@@ -119,7 +118,7 @@ class _Assessment:
         self._settle()
 
     def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
-        """Return for each epoch and satellite whether E1 tracked the satellite in the last `FORGET_S` seconds."""
+        """Return for each epoch and satellite whether its E1 signal was tracked in the last `FORGET_S` seconds."""
         before = np.array(
             [
                 (self._state.on_e1[svid] - self._state.origin) if svid in self._state.on_e1 else -np.inf
@@ -158,7 +157,7 @@ class _Assessment:
         return replace(evidence, memory=memory) if memory else evidence
 
     def _settle(self) -> None:
-        """Compute the verdicts of the block repeatedly until the verdicts agree with the guess."""
+        """Compute the verdicts of the block repeatedly until the guess is right for all epochs but the last."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
         guess, _ = self._combined(failed)
         while True:
@@ -251,7 +250,7 @@ class _Assessment:
         )
 
     def _search_e1(self) -> SearchResults:
-        """Return the results of the E1 vestigial search, which is run at every RECS."""
+        """Return the results of the E1 vestigial search at every RECS; NaN if the level or the block has no search."""
         found, searches = SearchResults.empty(self._seen.shape), self._measured.snapshots.searches
         epochs = np.flatnonzero(self._measured.snapshots.recs)
         if searches is not None and epochs.size and CheckName.E1_VESTIGIAL_SEARCH in self._specs:
@@ -316,8 +315,8 @@ class _Assessment:
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
         """Return fixes of epochs that have no alarm and at least four AUTHENTIC satellites; NaN at other epochs.
 
-        Later positions of the receiver must be near the last of these fixes. An epoch does not count if a satellite has
-        a signal that is earlier than the E1 signal.
+        A later range of a signal other than the E1 signal must be possible near the last of these fixes. An epoch does
+        not count if a satellite has a signal that is earlier than the E1 signal.
         """
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
@@ -382,7 +381,7 @@ class _Assessment:
         return {name: memory for name, memory in found.items() if memory}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
-        """Return the number of failures in a row up to the end of the block, by check and satellite."""
+        """Return the failures in a row up to the end of the block, at most `confirm`, for checks with `confirm` > 1."""
         found: dict[CheckName | str, dict[int, int]] = {}
         for name, series in self._found.items():
             confirm = self._specs[name].confirm

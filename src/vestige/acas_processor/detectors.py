@@ -124,7 +124,7 @@ class MaximumDetector(_Spaced):
 class EarlyDetector(_Spaced):
     """Choose the earliest peak above the threshold [WFO, Sec. III-B].
 
-    The early detector stays on the true signal, because no other signal can arrive earlier.
+    Under Assumption 2 the early detector stays on the true signal, because no other signal arrives earlier.
 
     Attributes
     ----------
@@ -194,7 +194,8 @@ class OwnDetector:
         Raises
         ------
         OwnPartError
-            If the detector raises an exception, or returns anything other than indices of possible punctual taps.
+            If the detector raises an exception that is no `VestigeError`. If the detector returns anything other than
+            −1 or the index of a possible punctual tap for each epoch.
         """
         with blamed_on_own_parts():
             tap = np.asarray(self.detector.detect(magnitudes, threshold))

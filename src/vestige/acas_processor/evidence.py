@@ -25,11 +25,12 @@ class Evidence:
     time_s
         float64[n], times of the block's epochs in s after the first epoch that the receiver ever processed.
     elevation_rad
-        float64[n, m], elevation from the last known position; NaN before the first position.
+        float64[n, m], elevation of each satellite in rad from the last known position; NaN without a position or an
+        orbit.
     observed, references
         Measured values of each quantity, and the reference levels of these quantities.
     subframes
-        OSNMA of the subframes that ended in the block.
+        Counts of OSNMA pages and keys in the subframes that ended in the block.
     memory
         Mapping from SVID to the numbers that the check remembered after the previous block (`CheckWithMemory`). The
         numbers of the receiver have the key 0. The mapping is empty before the first block, and for a check without

@@ -17,12 +17,11 @@ satellite or the whole receiver), and the times of the tests.
 
 Failures of different checks prove an attack with different certainty. A second signal, or an E6 range that differs from
 E1, gives SPOOFED, because such signals do not come from the satellite. A missing E6 signal gives NOT_DETECTED. A
-failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every
-other satellite is at least SUSPECT, because a meaconer repeats the whole band. The repeated signal of a weak satellite
-may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither
-for nor against an attack. If no check failed and step 1 was not run, the status is NOT_AVAILABLE. If no check failed,
-the reason of the verdict names the checks that were not run. Between two RECS only the checks that need no RECS are
-run.
+failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a search finds a satellite twice,
+every other satellite is at least SUSPECT, because a meaconer repeats the whole band. The repeated signal of a weak
+satellite may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts
+neither for nor against an attack. If no check failed and step 1 was not run, the status is NOT_AVAILABLE. The reason of
+an AUTHENTIC verdict names the checks that were not run. Between two RECS only the checks that need no RECS are run.
 
 A row of the table contains all properties of a check that the processor needs. Three of these properties are the
 function that makes the check from the settings, the use of reference levels, and the false-alarm probability. A new
@@ -124,8 +123,8 @@ _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
     """Return the check of E6 power.
 
-    The check fails at every missing signal that E1 predicts. If the false alarms a day are set, the check fails only
-    after an improbable number of missing signals in a row.
+    By default the check fails at every missing signal that E1 predicts. If the false alarms a day are set, the check
+    fails only after an improbable number of missing signals in a row.
     """
     if processor.monitoring.alarms_per_day is None:
         return E6PowerCheck(min_pd=processor.min_pd)
@@ -318,7 +317,7 @@ STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fadi
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
-    """Return the table row of a monitor of the carrier on E6; `settings` returns None if the monitor is turned off."""
+    """Return the table row of E6 phase or of E6 fading; `settings` returns None if the monitor is turned off."""
 
     def make(processor: AcasProcessor, p_fa: float) -> Check | None:
         monitor = settings(processor)

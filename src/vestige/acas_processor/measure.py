@@ -192,7 +192,7 @@ class _DecryptedHandovers:
         """Return the hand-over of one satellite at one epoch, with the decrypted chips.
 
         The hand-over is None if its window of samples does not end provably before the disclosure of the key. The time
-        at which the source claims to have received the samples does not matter.
+        at which the source claims to have received the samples does not matter for this test.
         """
         segment, key = self.lookup.segment(epoch, satellite)
         time = self.snapshots.time.at(epoch)

@@ -41,7 +41,7 @@ class DetectedBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FixBlock:
-    """The position fix of each epoch from all E1 pseudoranges; NaN where there is no fix."""
+    """Position fix of each epoch from the E1 pseudoranges, and quantities for the checks; a missing fix is NaN."""
 
     fix: Fix  # position and clock
     sent: Transmission  # positions and clocks of the satellites at transmission; NaN for satellites without an orbit

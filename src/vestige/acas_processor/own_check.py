@@ -7,7 +7,7 @@ for vestige's own checks:
 * `failure` is the status after a failure (default SUSPECT);
 * `of_receiver` says whether the check concerns the whole receiver and not each satellite (default False);
 * `confirm` is the number of tests in a row that must fail (default 1);
-* `cadence` says when a test is made (default: every observation).
+* `cadence` says when a test is made, for the number of tests in a day (default: every observation).
 
 A user's check has its own `p_fa`, and no share of the level's budget of false alarms.
 
@@ -76,7 +76,8 @@ class OwnCheck:
     def named(cls, kind: str) -> OwnCheck:
         """Return the check that `module:Name` names.
 
-        `OwnPartError` is raised if the check does not exist, or if an attribute of the check is wrong.
+        `OwnPartError` is raised if the class cannot be imported or made, or if an attribute of the check is missing or
+        wrong.
         """
         return cls.of(made(kind, part(kind, object)))
 
@@ -84,7 +85,7 @@ class OwnCheck:
     def of(cls, check: Any) -> OwnCheck:
         """Make an own check from a user's object, whose attributes give the properties of the check.
 
-        `OwnPartError` is raised if an attribute is wrong.
+        `OwnPartError` is raised if an attribute is missing or wrong.
         """
         kind = kind_of(type(check))
         require_members(kind, check, OwnCheckProtocol)
@@ -146,9 +147,10 @@ class OwnCheck:
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return statistic and threshold of the check for every epoch of a block.
 
-        `OwnPartError` is raised if the check raises an exception, or returns anything other than a `CheckSeries` with
-        the name of the check. The error is also raised if statistic or threshold is not a float64 array of the right
-        shape. The shape is [n] for a check of the receiver, and [n, m] otherwise, for n epochs and m satellites.
+        `OwnPartError` is raised if the check raises an exception that is no `VestigeError`, or returns anything other
+        than a `CheckSeries` with the name of the check. The error is also raised if statistic or threshold is not a
+        float64 array of the right shape. The shape is [n] for a check of the receiver, and [n, m] otherwise, for n
+        epochs and m satellites.
         """
         with blamed_on_own_parts():
             found = self.check.series(_offered(evidence, self.kind))
@@ -167,7 +169,8 @@ class OwnCheck:
     def remember(self, evidence: Evidence) -> CheckMemory:
         """Return the memory of the check after a block; empty for a check without the method `remember`.
 
-        `OwnPartError` is raised if the check raises an exception, or returns anything other than numbers by SVID.
+        `OwnPartError` is raised if the check raises an exception that is no `VestigeError`, or returns anything other
+        than numbers by SVID.
         """
         with blamed_on_own_parts():
             remember = getattr(self.check, "remember", None)

@@ -1,8 +1,8 @@
 """Turn snapshots and their assistance into verdicts: the ACAS processor [WFO, Sec. II-B, III, IV].
 
-The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` takes most of
-the time and has no state, so blocks can be measured in any order on any number of workers. `assess` takes little time
-and carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
+The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` correlates E6
+and has no state, so blocks can be measured in any order on any number of workers. `assess` makes the searches and the
+checks, and carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
 
 from __future__ import annotations
@@ -89,7 +89,8 @@ class AcasProcessor:
     p_fa
         Single-event false-alarm probability of the E6 detection, per correlator.
     n_taps, tap_spacing_m
-        Bank around the predicted range: number of correlators, and distance between neighbours in m.
+        Part of the bank that is symmetric about the predicted range: number of correlators, and distance between
+        neighbours in m. Further correlators follow on the early side up to `early_reach_m`.
     early_reach_m
         Distance in m by which the bank extends before the prediction, with the spacing `tap_spacing_m`. The window of
         the correlator limits the whole bank to 820 m, so with 75 m on the late side this distance is at most 735 m. If
@@ -105,9 +106,9 @@ class AcasProcessor:
     cipher_mode, group_delay_convention
         Cipher mode of the RECS, and convention of the group delays. The service does not publish mode and convention.
     monitoring
-        Settings of the checks that levels 2 and 3 add.
+        Settings of the false-alarm budget, of the checks that levels 2 and 3 add, and of the optional checks.
     own_checks
-        Checks that a user wrote, for all levels.
+        Checks that a user wrote; a check is made at its own `level` and at higher levels.
 
     Raises
     ------

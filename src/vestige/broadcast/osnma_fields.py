@@ -50,7 +50,7 @@ class OsnmaFields:
         Raises
         ------
         VestigeError
-            If the operator does not broadcast at this time.
+            If the operator does not broadcast at this time, or a satellite has no ephemeris for a needed subframe.
         """
         subframe = start.subframe
         with self._lock:

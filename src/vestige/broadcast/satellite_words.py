@@ -28,7 +28,7 @@ _MINUTE_S = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EphemerisIssue:
-    """Ephemeris of a satellite, and the time at which the satellite starts to send the ephemeris.
+    """Ephemeris of a satellite, and the time of its issue.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class SystemData:
     ionosphere
         Ionosphere model, sent in word 5.
     almanac
-        Sets of words 7 to 10. The satellite sends one set each minute, in turn. Without any set, word 0 is sent instead
+        Sets of words 7 to 10. Each satellite sends one set a minute, in turn. Without any set, word 0 is sent instead
         of words 7 to 10.
     """
 
@@ -184,7 +184,7 @@ class SatelliteWords:
         return number
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:
-        """Return the reduced CED of a subframe; the fit is made once for all pages of the subframe."""
+        """Return the reduced CED of a subframe, fitted once for its pages; None if the orbit or clock does not fit."""
         subframe, known = start.subframe, self._reduced  # the attribute is read once, because threads share the words
         if known is None or known[0] != subframe:
             known = self._reduced = subframe, _fitted(self.ephemeris(start), subframe)
@@ -193,5 +193,5 @@ class SatelliteWords:
 
 @lru_cache(maxsize=1024)
 def _fitted(ephemeris: Ephemeris, subframe: GalileoTime) -> ReducedCed | None:
-    """Return the reduced CED of a subframe; the result is cached for all messages with this ephemeris."""
+    """Return the reduced CED of a subframe, cached for all messages; None if the orbit or clock does not fit."""
     return ReducedCed.from_ephemeris(ephemeris, subframe)

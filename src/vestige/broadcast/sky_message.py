@@ -1,8 +1,8 @@
 """Make the navigation message of all satellites of a sky: I/NAV words with OSNMA, and the symbols of E1-B.
 
 In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. Pages are made
-when they are needed, and a message keeps only a few pages. A page has the same bits in every message that
-contains the page.
+when they are needed, and a message keeps only a few pages. The bits of a page do not depend on the first and the last
+subframe of the message.
 """
 
 from __future__ import annotations

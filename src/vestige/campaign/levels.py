@@ -72,7 +72,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def own_counts(self) -> Mapping[str, tuple[int, int]]:
-        """Number of tests, and of failed tests, for each of the user's checks at this level."""
+        """Number of tests, and of failures after confirmation, for each of the user's checks at this level."""
         return {
             one.name: (int(np.count_nonzero(self.tests[one.name])), int(np.count_nonzero(self.failed[one.name])))
             for one in self.processor.own_of_level
@@ -80,7 +80,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
-        """Epochs and satellites with an alarm."""
+        """Epochs and satellites with an alarm as state."""
         return is_alarm(self.state)
 
     @property
@@ -112,7 +112,8 @@ def level_verdicts(
     Verdicts of level 1 can be made from the results of any campaign. Levels above 1 need a sky, or a processor of level
     2 or 3. `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps this value.
 
-    `VestigeError` is raised if the results have too few columns for a level above 1.
+    `VestigeError` is raised if the results have no valid scenario, if columns for the levels are missing, or if the
+    code of a user's class has changed since the run.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
@@ -148,7 +149,8 @@ def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasPro
 
     `change` takes the campaign's processor and returns the processor that makes the verdicts.
 
-    `VestigeError` is raised if the results have too few columns for the level of the returned processor.
+    `VestigeError` is raised if the results have no valid scenario, if columns for the level of the returned processor
+    are missing, or if the code of a user's class has changed since the run.
     """
     processor, measured = measured_of(results)
     changed = change(processor)

@@ -3,13 +3,14 @@
 Theory of operation
 -------------------
 A detection gives the delay of a signal after the prediction. The simulated truth gives this delay for the line of sight
-and for each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the
-*resolution* make one common peak. A detection of this peak belongs to both signals and is MIXED.
+and for each spoofing signal. A detection belongs to the signal with the nearest delay. The true signal and a spoofing
+signal make one common peak if their distance is below the *resolution*. A detection of this peak belongs to both
+signals and is MIXED.
 
 The correlation function of E6-C is a triangle of ±1 chip. The sum of two triangles has two maxima only if the distance
-of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at this distance,
-neither triangle reaches the peak of the other triangle. From about this distance on, the early detector can find both
-peaks.
+between the centres of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at
+this distance, neither triangle reaches the peak of the other triangle. From about this distance on, the sum has two
+peaks, and the early detector finds the earlier peak.
 
 A spoofing signal counts if its power relative to the true signal exceeds `FLOOR_DB`. A weaker spoofing signal moves a
 detection by less than 1 m on average. A spoofing signal with invented chips makes no peak and never counts.
@@ -17,7 +18,7 @@ detection by less than 1 m on average. A spoofing signal with invented chips mak
 The report gives two times and an error:
 
     time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) under attack
-    time to mitigate    from the attack's first epoch to the epoch from which on `SHARE` of the detections are TRUE
+    time to mitigate    from the attack's first epoch to the epoch from which on at least `SHARE` of detections are TRUE
     worst range         largest error of a range in use (`range_errors.py`)
 
 No function has side effects. An argument `results` contains results as the campaign stores them. Without an attack
@@ -63,8 +64,8 @@ def classify(
     """Return the `DetectedSignal` of every epoch.
 
     `range_offset_m` is NaN where nothing was detected. `prediction_error_m` is the delay of the line of sight after its
-    prediction. Two signals closer than `resolution_m` make one peak. A spoofing signal of at most `FLOOR_DB` does not
-    count.
+    prediction. The true signal and a spoofing signal make one peak if their distance is below `resolution_m`. A
+    spoofing signal whose power relative to the true signal is at most `FLOOR_DB` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > FLOOR_DB

@@ -1,12 +1,11 @@
 """Define the plan of a campaign: its epochs, and the sequential and parallel parts of its work.
 
 Epoch i of a plan is one snapshot of a simulated receiver. The state of the simulation (clock, multipath, ionosphere)
-has memory and is cheap to compute. Signals, noise, correlators and detection are expensive, but each epoch is
-independent of the other epochs. A plan therefore has two parts, and may have a third part:
+has memory and is cheap to compute. The computation of signals, noise, correlators and detection is expensive, but needs
+no results of other epochs. A plan therefore has two parts, and may have a third part:
 
 * `prepare()` returns an object that runs through the epochs in order. The method `advance(first, count)` of this object
-  returns the inputs of the next `count` epochs as arrays and keeps the state. Only the coordinating process calls
-  `advance`.
+  returns the inputs of the next `count` epochs and keeps the state. Only the coordinating process calls `advance`.
 * `measure(first, inputs)` turns inputs into columns. Any thread, process or machine may call `measure`, in any order.
 * `judge(state, first, columns)` is optional. The method adds the columns that depend on the order of time, such as a
   receiver's verdicts. The coordinating process calls `judge` chunk after chunk; the first `state` is None.
@@ -19,18 +18,19 @@ The following rules make it possible to resume a campaign and to run a campaign 
    `measure`.
 2. `measure` depends only on the plan, `first` and `inputs`. The columns of an epoch must not depend on how the epochs
    are divided into calls. Random numbers come from streams that are named by the epoch, never from a generator that
-   keeps its state between epochs. Several threads may call `measure` at once, and twice for the same epochs.
+   keeps its state between epochs. Several threads may call `measure` at once, and `measure` may be called twice for the
+   same epochs.
 3. `measure` returns every column of the plan except the columns of `judge`. The columns include the truth from the
    inputs. Each column has exactly the dtype of the plan, and the shape that follows from the column's dims. Any
    difference raises `ValueError`.
 4. `judge` returns the same state and columns whether `columns` has only the columns of `measure`, or all columns. A
-   resumed campaign calls `judge` again for its stored chunks to get the state. The result must not depend on how the
-   epochs are divided into calls.
-5. The plan, the inputs and the results can be pickled, and their pickles are small, because the plan is sent with every
-   chunk. Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
-6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
-   `attrs` contain the scenario, its digest and the seed; the store adds version and source of vestige. If the bits
-   depend on the kind of CPU, `attrs` contain the kind of CPU as `processor`.
+   resumed campaign calls `judge` again for stored chunks to get the state for later chunks. The result must not depend
+   on how the epochs are divided into calls.
+5. The plan, the inputs and the results can be pickled. The pickle of the plan is small, because the plan is sent with
+   every chunk. Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
+6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed. The
+   `attrs` of a `ScenarioPlan` contain the scenario, its digest and the seed. The store adds version and source of
+   vestige. If the bits depend on the kind of CPU, `attrs` contain the kind of CPU as `processor`.
 
     @dataclass(frozen=True, kw_only=True)
     class Coins:
@@ -105,7 +105,7 @@ class Preparation(Protocol):
     """Sequential part of a plan: the state of the simulation, epoch after epoch."""
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
-        """Return the inputs of the next epochs, from `first` to `first + count − 1`, as arrays by name."""
+        """Return the inputs of the next epochs, from `first` to `first + count − 1`, by name."""
 
 
 @runtime_checkable
@@ -126,7 +126,7 @@ class Plan(Protocol):
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Attributes that identify the work; values are text, finite numbers, or lists of text and numbers."""
+        """Attributes that identify the work; values are texts, booleans, finite numbers, or lists of such values."""
 
     def prepare(self) -> Preparation:
         """Return the sequential part of the plan before its first epoch."""
@@ -153,8 +153,8 @@ def judged(
 def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
     """Return the shape of a column over `n_epochs` epochs.
 
-    `ValueError` is raised if the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in
-    length.
+    `ValueError` is raised if the column does not have the dim `epoch` exactly once. A dim without coordinate, or with
+    coordinates of different lengths, also raises `ValueError`.
     """
     if column.dims.count(EPOCH) != 1:
         raise ValueError(f"a column needs the dim {EPOCH} once, not {column.dims}")

@@ -12,7 +12,8 @@ several signals is in use instead, the error of this range counts.
 also counts if an epoch since the previous RECS was attacked, because the verdict of this RECS concerns that epoch, too.
 Without an attack every RECS counts.
 
-`vestige run`, the page of a run, sweeps and the threat table give the largest error as `worst_range_m`.
+`vestige run`, the page of a run, sweeps and the threat table give this largest error. The name of this error in JSON
+and in tables is `worst_range_m`.
 """
 
 from __future__ import annotations

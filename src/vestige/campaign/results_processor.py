@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def processor_of_results(results: xarray.Dataset) -> AcasProcessor:
     """Return the processor of a campaign's receiver, with the level and the settings of its scenario.
 
-    `VestigeError` is raised if the results have no scenario.
+    `VestigeError` is raised if the results have no valid scenario, or if an attribute is missing or out of its range.
     """
     scenario, attributes = scenario_of(results), attributes_of(results)
     overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)

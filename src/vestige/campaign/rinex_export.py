@@ -7,7 +7,8 @@ user's checks. The navigation file has the orbits and clocks of the run, with a 
 
 If the scenario has no table `[atmosphere]`, pseudoranges contain the residual of the ionosphere, but no troposphere.
 The settings of `rnx2rtkp` [RTKLIB] therefore apply no corrections, and use RAIM with exclusion of one satellite. If the
-scenario has the table `[atmosphere]`, the pseudoranges contain the delays from this table.
+scenario has the table `[atmosphere]`, the pseudoranges also contain the delays from this table, which the settings do
+not correct.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class RunProgress:
 
     @property
     def remaining_s(self) -> float:
-        """Remaining time in s at the present rate; NaN before the first chunk."""
+        """Remaining time in s at the mean rate of this run; NaN if epochs remain and no chunk was measured yet."""
         left = self.epochs_total - self.epochs_done
         return left / self.rate_epochs_per_s if left else 0.0
 
@@ -83,20 +83,20 @@ def run(
     chunk_epochs
         Number of epochs in one call of `measure`, for a new store.
     progress
-        Function that is called at the beginning and after each chunk.
+        Function that is called with the progress at the beginning and after each measured chunk.
     enough
         Function that is called with the columns of each chunk in order, including stored chunks. The results end with
-        the first chunk for which the function returns true, and later chunks are not measured. If the store then lacks
+        the first chunk for which the function returns true, and no later chunk is written. If the store then lacks
         chunks, the store stays unfinished, and a later call may continue the run.
 
     Raises
     ------
     InputFileError
-        If `store` is no store, belongs to another scenario, seed or source code of vestige, or another process writes
-        into the store.
+        If `store` is no store, is damaged beyond repair, or belongs to another plan or another build (`build_id`). If
+        another process writes into the store.
     VestigeError
-        If workers are lost, have another source code of vestige, or have another kind of CPU and the bits depend on the
-        CPU.
+        If workers are lost or have another build (`build_id`), if a chunk would be too large, or if the code of a
+        user's class fails.
     KeyboardInterrupt
         If the user presses Ctrl-C. While chunks are measured, this exception has a note (`__notes__`) with the number
         of stored epochs. Other exceptions then have the same note, or have the number in their text. The same call
@@ -198,7 +198,8 @@ def _submitted(
 ) -> Iterator[tuple[int, Future[Columns]]]:
     """Submit each chunk of `chunks`, and yield the number of the chunk and its future.
 
-    The epochs of other chunks are prepared, too, because the preparation must run through all earlier epochs.
+    Earlier chunks that are not in `chunks` are prepared, too, because the preparation must run through all earlier
+    epochs.
     """
     preparation = plan.prepare()
     wanted = frozenset(chunks)

@@ -2,28 +2,30 @@
 
 Theory of operation
 -------------------
-A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
-`levels.py` gives the verdicts, the ranges in use, and the error of each range in use (`range_errors.py`). The first
-RECS after the stop counts as well if an epoch since the previous RECS was attacked, because the verdict of this RECS
-concerns that epoch, too. An error is *harmful* if the error exceeds twice the limit of the range check, 2κσ. The noise
-of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
+A run is one campaign, with or without attacks. The caller gives a window of time, usually from the first start of an
+attack to the last stop. The epochs in this window are *attacked*. Without an attack, all alarms in the window are false
+alarms. `levels.py` gives the verdicts, the ranges in use, and the error of each range in use (`range_errors.py`). The
+first RECS after the stop counts as well if an epoch since the previous RECS was attacked, because the verdict of this
+RECS concerns that epoch, too. An error is *harmful* if the error exceeds twice the limit of the range check, 2κσ. The
+noise of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a range with a harmful error was in use at any time
     protected    no range with a harmful error was in use in the last quarter of the attack
-    mitigated    protected, and more than half of the ranges were in use in the last quarter of the attack
+    mitigated    protected, and more than half of the ranges of satellites in view were in use in this quarter
     denied       more than half of the attacked RECS of the satellites in view had no verdict (NOT_AVAILABLE)
 
 **False alarms.** An alarm begins in an epoch with an alarm if the previous epoch had no alarm. The budget of alarms is
-an upper limit. Nearly all of this budget belongs to the range check, whose assumed σ is larger than the real error. The
-budget of the range check is therefore given separately. Failures of single tests are compared with their budgets in
-three groups:
+an upper limit. Usually, nearly all of this budget belongs to the range check, whose assumed σ is larger than the
+standard deviation of the real error. The budget of the range check is therefore given separately. Failures of single
+tests are compared with their budgets in three groups:
 
 * the checks whose probability can be chosen;
 * the checks whose probability can be chosen and is exact (`AlarmShare.exact`), with a lower and an upper limit;
 * the range check, whose budget is an upper limit.
 
-`budgets` has the number of failures of every check after confirmation, and the number that the budget allows.
+`budgets` has two numbers for each check that has a budget: the number of its failures after confirmation, and the
+number that the budget allows.
 """
 
 from __future__ import annotations
@@ -58,8 +60,8 @@ _HARMFUL = 2.0  # multiple of κσ above which an error is harmful
 class OutcomeCounts:
     """Counts of alarms and failed tests of a run or of many runs, and the numbers that the budgets allow."""
 
-    duration_s: float  # duration of the attacked epochs; without an attack, duration of all epochs
-    alarms: int  # number of alarms that began in the attacked epochs; without an attack, in all epochs
+    duration_s: float  # duration of the attacked epochs; without an attack, duration of the window
+    alarms: int  # number of alarms that began in the attacked epochs; without an attack, in the window
     budget_alarms: float  # number of alarms that the budget allows
     budget_range_alarms: float  # the range check's part of `budget_alarms`
     failures: int  # number of failed tests of the checks whose p_fa can be chosen
@@ -145,7 +147,7 @@ def run_outcome(
 ) -> RunOutcome:
     """Return the outcome of one run at one level.
 
-    `attacked` selects the epochs that count. `limit_m` is the limit of the range check, κσ. `position_m` is the error
+    `attacked` is True in the attacked epochs. `limit_m` is the limit of the range check, κσ. `position_m` is the error
     of the position in use, in m; NaN if no position is in use.
     """
     alarm = is_alarm(found.status).any(axis=1)

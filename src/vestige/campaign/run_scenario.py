@@ -35,14 +35,15 @@ def run_scenario(
     store
         Folder of the results (zarr). `run` makes the folder if the folder does not exist.
     settings
-        Values that replace values of the scenario file, each as `table.key=value`. Settings need a scenario file.
+        Values that replace values of the scenario file, each as `key=value` or `table.key=value`. Settings need a
+        scenario file.
     workers
-        Number of threads or processes.
+        Number of threads or processes, or number of calls that your own executor runs at the same time.
     executor
         `"threads"`, `"processes"`, or your own executor, which `run` does not shut down. A script that uses
         `"processes"` needs the line `if __name__ == "__main__":`, because each process imports the script.
     progress
-        Function that is called with the progress at the beginning of the run and after each chunk of epochs.
+        Function that is called with the progress at the beginning of the run and after each measured chunk of epochs.
 
     Returns
     -------
@@ -52,9 +53,11 @@ def run_scenario(
     Raises
     ------
     InputFileError
-        If the file describes no scenario, or the folder contains anything but results of this campaign.
+        If the file describes no scenario, the folder contains anything but results of this campaign and this build of
+        vestige, or another process writes into the folder.
     VestigeError
-        If the scenario describes no campaign, or a worker process is lost.
+        If the scenario describes no campaign, a worker is lost or has another build of vestige, or the code of a user's
+        class fails.
     ValueError
         If there are settings for a campaign that was not read from a file.
 

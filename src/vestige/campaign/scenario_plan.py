@@ -102,7 +102,7 @@ class ScenarioPlan:
 
     @property
     def chunk_epochs(self) -> int:
-        """Default number of epochs in a chunk: 2000, or 10,000 if measuring an epoch takes only microseconds."""
+        """Default number of epochs in a chunk: 2000, or 10,000 for a single line of sight with drawn correlators."""
         drawn = self.scenario.fidelity == "correlators" and self.scenario.constellation is None
         return _MANY_EPOCHS if drawn else CHUNK_EPOCHS
 

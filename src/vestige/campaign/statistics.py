@@ -4,7 +4,7 @@ Every probability is estimated from k successes in n independent trials. The int
 interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects a probability p at the
 significance level α if and only if p is outside the interval of confidence 1 − α. The campaign must make trials
 independent. Epochs that share a slow error, such as an ionosphere with a time constant of hours, are not independent
-trials. With such epochs the true interval is wider.
+trials. With such epochs, an interval of the stated confidence must be wider.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ def binomial_intervals(
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact confidence interval of a probability after `successes` in `trials`.
 
-    If the true probability is the lower end, a count of at least `successes` has the probability (1 − confidence)/2. If
-    the true probability is the upper end, a count of at most `successes` has the probability (1 − confidence)/2. The
+    If the true probability is a lower end above 0, a count of at least `successes` has the probability
+    (1 − confidence)/2. If the true probability is an upper end below 1, a count of at most `successes` has the
+    probability (1 − confidence)/2. Without successes the lower end is 0, and without failures the upper end is 1. The
     interval contains the true probability with at least the given confidence. Without trials the interval is (0, 1).
 
     The function raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
@@ -111,9 +112,9 @@ def enough(successes: int, trials: int, wished_width: float) -> bool:
 
     A campaign of a sweep stops when the function returns True. Call the function after each chunk in the order of the
     chunks. Leave out all chunks after the first chunk for which the function returns True. With this procedure the
-    result does not depend on the number of workers. The width of the interval depends on the estimate. The campaign
-    stops slightly earlier if the estimate is nearer to 0 or 1 than the true probability. The confidence of the interval
-    is therefore only nominal.
+    result does not depend on the number of workers. The width of the interval depends on the estimate. With the same
+    `wished_width`, the campaign stops slightly earlier if the estimate is nearer to 0 or 1 than the true probability.
+    The confidence of the interval is therefore only nominal.
 
     The function raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
@@ -186,7 +187,8 @@ def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportio
     Only correlators more than a chip apart are counted, so that the trials are independent. The correlation between the
     noise of two correlators is a triangle function of their distance, and is zero beyond one chip. A narrow filter
     makes the triangle slightly wider. If there is a signal, only correlators more than a chip before the line of sight
-    and before any spoofing signal are counted. Reflections arrive later, so these correlators contain noise only.
+    and before any spoofing signal with true chips are counted. Reflections arrive later, so these correlators contain
+    noise only.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
@@ -210,7 +212,7 @@ _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return the delay in m of the earliest signal on E6, true or spoofed, relative to the predicted E6 range."""
+    """Return the delay in m of the earliest signal on E6 with true chips, relative to the predicted E6 range."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

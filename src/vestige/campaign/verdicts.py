@@ -1,8 +1,9 @@
 """Count the verdicts of a campaign by status, and count its false alarms.
 
 A verdict is due in an epoch with RECS for each satellite in view. A due verdict that is an alarm (`ALARMS`) is a false
-alarm if no attack is active. In a campaign with an attack, the epochs before and after the attack give the rate of
-false alarms. NOT_AVAILABLE verdicts do not count as trials, because the receiver made no decision.
+alarm if the satellite is not under attack in this epoch. In a campaign with an attack, all satellites and epochs
+without an attack give the rate of false alarms. NOT_AVAILABLE verdicts do not count as trials, because the receiver
+made no decision.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def range_limit_m(results: xarray.Dataset) -> float:
 
 
 def results_digest(results: xarray.Dataset) -> str:
-    """Return the SHA-256 of the names, types and values of all variables.
+    """Return the SHA-256 of the names, types, shapes and values of all variables.
 
     The hash does not depend on the chunks of the store.
     """

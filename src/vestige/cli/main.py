@@ -83,19 +83,20 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
 def vestige() -> None:
     """Simulate, attack and process signals of the Galileo authentication service ACAS (SAS).
 
-    Every command has the options --quiet and -v. --quiet prints results and errors only.
-    -v also prints details that help to find the cause of a problem. Neither option
-    changes results or exit status.
+    Every command has the options --quiet and -v. --quiet prints only results and errors,
+    and one line in place of all warnings. -v also prints details that help to find the
+    cause of a problem. Neither option changes results or exit status.
 
     \b
     Exit status:
-      0    The command has finished. Verdicts do not change this status.
+      0    The command has finished. Without --fail-on, verdicts do not
+           change this status.
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
       2    Options that do not exist, exclude each other or are missing.
            The command gives no results.
       3    process and live: the verdicts match the value of --fail-on.
-      130  Ctrl-C or SIGTERM. A line says which results are kept.
+      130  Ctrl-C or SIGTERM. A line says which results are kept, if any.
 
     If several statuses apply, status 130 has priority over 1, and status 1 over 3.
 

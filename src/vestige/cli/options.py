@@ -40,7 +40,7 @@ class FiniteNumber(click.types.FloatParamType):
 
 
 class FiniteRange(FiniteNumber, click.FloatRange):
-    """Type of an option whose value is a finite number between two limits."""
+    """Type of an option whose value is a finite number within limits."""
 
     name = "number"
 
@@ -226,8 +226,8 @@ group_delay_option = click.option(
 def parse_svids(text: str) -> tuple[int, ...]:
     """Return the numbers of the satellites that a text such as `2,3,7-9` lists; () for an empty text.
 
-    The function raises `click.BadParameter` if the text is not a list such as `2,3,7-9`, or if a satellite is not
-    one of 1 to 36.
+    The function raises `click.BadParameter` if the text is not a list such as `2,3,7-9`, if a satellite is not one of 1
+    to 36, or if a range is reversed, such as `9-7`.
     """
     from vestige.constants import MAX_SVID
 

@@ -133,7 +133,8 @@ def fix_settings(
 def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
     """Return the approximate position of the receiver that the options state; None without `--near`.
 
-    The function raises `click.UsageError` if `--near` is not a valid position, or if there are no orbits.
+    The function raises `click.UsageError` if `--near` is not a valid position, or if `--no-track` is given without
+    `--navigation`, so that there are no orbits.
     """
     import numpy as np
 

@@ -53,7 +53,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def read_toml_file(path: Path, *, at_most: int) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
-    The function raises `InputFileError` if the file is not TOML, or is longer than `at_most` bytes.
+    The function raises `InputFileError` in the cases of `read_bytes`, and if the content is not TOML or exceeds the
+    limits of `parse_toml`.
     """
     try:
         return parse_toml(read_bytes(path, at_most=at_most).decode())

@@ -1,8 +1,8 @@
 """Convert between Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates of the rotating Earth.
 
 Positions are ECEF in the Galileo Terrestrial Reference Frame (GTRF), in m. Latitude and height refer to the WGS 84
-ellipsoid, which differs from the GTRF ellipsoid by 0.1 mm. Local axes are east, north, up. Azimuth is counted from
-north towards east.
+ellipsoid, which differs from the GTRF ellipsoid by about 0.1 mm. Local axes are east, north, up. Azimuth is counted
+from north towards east.
 """
 
 from __future__ import annotations

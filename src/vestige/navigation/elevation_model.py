@@ -1,6 +1,6 @@
 """Compute the multipath power and the obliquity of the path through the ionosphere from the elevation.
 
-The multipath power in dB falls linearly from −14 dB at 5° to −18 dB at 30°, and is −22 dB above 30°. At 16.25° the
+The multipath power is −14 dB up to 5°, falls linearly in dB to −18 dB at 30°, and is −22 dB above 30°. At 16.25° the
 power is −15.8 dB, as in the paper. The ionosphere is a thin shell at the height h = 350 km above an Earth of radius
 R = 6371 km. The obliquity at the elevation e is M(e) = 1/√(1 − (R cos e/(R + h))²).
 """

@@ -1,7 +1,7 @@
 """Define the broadcast ephemeris of a Galileo satellite, and choose the ephemeris for a time.
 
-An ephemeris has the fields of the I/NAV words [OS-ICD, 4.3.5], with angles in rad instead of semicircles.
-`vestige.navigation.inav.ephemeris_words` reads and writes the words.
+The fields of an ephemeris correspond to fields of the I/NAV words 1 to 5 [OS-ICD, 4.3.5]. Angles are in rad instead of
+semicircles. `vestige.navigation.inav.ephemeris_words` reads and writes the words.
 """
 
 from __future__ import annotations
@@ -86,13 +86,13 @@ class Ephemeris:
 
 
 def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> dict[int, Ephemeris]:
-    """Return for each satellite the ephemeris whose toe is nearest to a time, if the toe is within the fit interval.
+    """Return for each satellite the ephemeris whose toe is nearest to a time, if the toe is at most 4 h from the time.
 
     Parameters
     ----------
     ephemerides
-        Ephemerides of any satellites, in any order. If the toes of two ephemerides are equally near, the second of the
-        two ephemerides is used.
+        Ephemerides of any satellites, in any order. If the toes of two ephemerides of a satellite are equally near, the
+        second of the two ephemerides is used.
     time
         Time at which the ephemerides are used.
     """

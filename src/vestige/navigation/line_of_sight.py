@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 The formulas use a frame that is at rest in space and coincides with ECEF at reception. r is the position of the
-receiver, s is the position of the satellite, and τ is the travel time:
+receiver, s is the position of the satellite, τ is the travel time, and c is the speed of light:
 
     d = r(t) − s(t − τ),   ρ = |d| = c τ,   u = d/ρ
     ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
@@ -108,7 +108,7 @@ def line_of_sight(
 def range_less_clock_m(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
-    """Return `range_m` − `satellite_clock_m` of `line_of_sight`, in half the computing time of `line_of_sight`."""
+    """Return `range_m` − `satellite_clock_m` of `line_of_sight`, in about half the computing time."""
     flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
     position_m, clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
     return _length(receiver.position_m - turned_with_earth(position_m, flight_s)) - SPEED_OF_LIGHT_MPS * clock_s

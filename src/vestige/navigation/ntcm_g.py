@@ -3,9 +3,9 @@
 The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the three
 coefficients of word 5, as NeQuick-G does, and 12 coefficients of its own in place of NeQuick's profile. The vertical
 electron content is computed at the point where the line of sight pierces a shell at 450 km. The vertical electron
-content is a product of five factors. The factors depend on local time and season, day of the year, geomagnetic
-latitude, equatorial anomalies, and solar activity. A mapping function converts the vertical electron content to the
-slant electron content.
+content is a product of five factors. The factors describe the effects of local time and season, the day of the year,
+the geomagnetic latitude, the equatorial anomaly, and the solar activity. A mapping function converts the vertical
+electron content to the slant electron content.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def ntcm_slant_tecu(
     day_of_year
         Day of the year, 1 to 366.
     ut_hours
-        Universal time in hours. Whole days may be added.
+        Universal time in hours. Multiples of 24 h may be added.
     latitude_rad, longitude_rad
         Latitude and longitude of the receiver in rad.
     azimuth_rad, elevation_rad
@@ -105,7 +105,7 @@ def _pierce_point(
 def _of_local_time(
     local_hours: Float[np.ndarray, " n"], latitude: Float[np.ndarray, " n"], day_of_year: int
 ) -> Float[np.ndarray, " n"]:
-    """Return F1, the factor of local time and season, with the sun's elevation and waves of 24, 12 and 8 hours."""
+    """Return F1, the factor of local time and season, from the sun's elevation at noon and waves of 24, 12 and 8 h."""
     declination = np.radians(23.44) * np.sin(np.radians(0.9856 * (day_of_year - 80.7)))
     height = np.cos(latitude - declination)
     day, half, third = (

@@ -101,7 +101,7 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
 def satellite_position(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Return `position_m` and `clock_s` of `satellite_state` with the same bits, in less than half the computing time.
+    """Return `position_m` and `clock_s` of `satellite_state` with the same bits, in a shorter computing time.
 
     Parameters
     ----------

@@ -8,25 +8,27 @@ with the Earth during the travel time. The equation
 
     P + c Δt_sat − corrections = |s − r| + b + error
 
-is linearised in the receiver's position r and in b, which is c times the receiver's clock error. The equation is solved
-by Gauss–Newton steps from the Earth's centre. x contains r and b, y contains the residuals, and the diagonal matrix W
-contains the weights 1/σ²:
+is linearised in the receiver's position r and in b, which is c times the receiver's clock error. The corrections are
+atmospheric delays, which the caller may subtract from P. The equation is solved by Gauss–Newton steps from the Earth's
+centre. x contains r and b, y contains the residuals, and the diagonal matrix W contains the weights 1/σ²:
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
 The pseudorange errors may have a common part with the covariance c cᵀ, where c is a vector, in addition to independent
-errors. An example is the error of the ionosphere above a receiver, for which c is proportional to the obliquity. A
-common part that is equal for all satellites affects only the clock. A common part that grows towards the horizon
-affects height and clock, and hardly changes the residuals. W ignores the correlation of the errors, but the covariance
-P of the fix contains the correlation. With S = (HᵀWH)⁻¹HᵀW,
+errors. An example is the ionospheric error of the pseudoranges at a receiver, for which c is proportional to the
+obliquity M (`elevation_model`). A common part that is equal for all satellites affects only the clock error of the fix.
+A common part that grows towards the horizon affects mainly height and clock error of the fix, and changes the residuals
+little. W ignores the correlation of the errors, but the covariance P of the fix contains the correlation. With S =
+(HᵀWH)⁻¹HᵀW,
 
     P = S (diag(σ² − c²) + c cᵀ) Sᵀ
 
-The range rate is linear in the receiver's velocity and clock drift. The matrix is H with its first three columns
-multiplied by 1/(1 − u·ṡ/c), where u is the unit vector from satellite to receiver.
+The range rate is linear in the receiver's velocity and clock drift. The matrix of the velocity fix is H with its first
+three columns multiplied by 1/(1 − u·ṡ/c). u is the unit vector from satellite to receiver, and ṡ is the satellite's
+velocity in a frame that does not rotate.
 
-The first axis of arrays is the epoch, and the second axis is the satellite. NaN means that a satellite was not
-measured.
+The first axis of an array is the epoch. The second axis is the satellite if there is a value for each satellite. In
+pseudoranges and range rates, NaN means that a satellite was not measured.
 """
 
 from __future__ import annotations
@@ -71,7 +73,7 @@ class Transmission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
-    """Position fixes of n epochs; NaN with too few satellites or a singular geometry.
+    """Position fixes of n epochs; NaN for epochs with fewer than four satellites or a singular geometry.
 
     Attributes
     ----------
@@ -81,13 +83,13 @@ class Fix:
         Covariance P of (x, y, z, clock) in ECEF. The covariance is valid if the errors have the σ of the weights and
         are independent apart from the common part.
     residual_m
-        Measured minus fitted pseudorange; NaN for unused satellites.
+        Measured minus fitted pseudorange in m; NaN for unused satellites and epochs without a fix.
     geometry
-        Matrix H, with rows of zeros for unused satellites.
+        Matrix H, with rows of zeros for unused satellites and epochs without a fix.
     weight
-        Weights 1/σ² in 1/m²; 0 for unused satellites.
+        Weights 1/σ² in 1/m²; 0 for unused satellites and epochs without a fix.
     n_used
-        Number of satellites that the fix uses.
+        Number of satellites that the fix uses, or could use in an epoch without a fix.
     """
 
     position_m: Float[np.ndarray, "n 3"]
@@ -142,7 +144,7 @@ def position_fix(
     *,
     common_m: Float[np.ndarray, "n m"] | None = None,
 ) -> Fix:
-    """Return the position and clock of the receiver at each epoch by weighted least squares.
+    """Return the position and clock error of the receiver at each epoch by weighted least squares.
 
     Parameters
     ----------
@@ -200,7 +202,7 @@ def _position_and_clock(
     used: Bool[np.ndarray, "n m"],
     weight: Float[np.ndarray, "n m"],
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Return ECEF position and clock by Gauss-Newton steps from the Earth's centre."""
+    """Return ECEF position and c times the clock error, both in m, by Gauss–Newton steps from the Earth's centre."""
     position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
     moving = np.ones(measured.shape[0], np.bool_)
     for _ in range(_STEPS):

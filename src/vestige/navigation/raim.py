@@ -14,11 +14,12 @@ is the tail probability of the normal distribution.
     solution separation   alarm if |x₍ᵢ₎ − x|_q > K σ_ss,q,   K = Q⁻¹(P_fa,q / 2m)
     exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ                              the fault has the smallest T₍ᵢ₎
 
-For single faults, exclusion and solution separation both use the statistic rᵢ√wᵢ/√Pᵢᵢ. So exclusion and solution
-separation differ only in how the false-alarm probability is divided.
+For single faults, exclusion and solution separation both use the statistic rᵢ√wᵢ/√Pᵢᵢ. So the satellite with the
+smallest T₍ᵢ₎ also has the largest |x₍ᵢ₎ − x|_q / σ_ss,q.
 
-RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, but
-no residual. Errors of all satellites that agree with a wrong position change the position, but no residual.
+RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock error
+of the fix, but no residual. Errors of all satellites that agree with a wrong position change the position, but no
+residual.
 """
 
 from __future__ import annotations
@@ -134,14 +135,14 @@ def exclude_one(
 ) -> Int[np.ndarray, " n"]:
     """Return for each fix the column of the satellite whose exclusion makes a failed test pass, or `NOT_EXCLUDED`.
 
-    An exclusion needs six satellites, because any four of five satellites fit exactly.
+    An exclusion needs at least six satellites, because any four of five satellites fit exactly.
 
     Parameters
     ----------
     parts, residual_m, weight
         Redundancy, residuals in m and weights of the fixes.
     p_fa
-        False-alarm probability of a test.
+        False-alarm probability of the chi-square test, with and without the satellite.
     """
     statistic, freedom = chi_square_statistic(residual_m, weight), degrees_of_freedom(weight)
     passed = statistic <= chi_square_threshold(freedom, p_fa)

@@ -5,7 +5,7 @@ these functions take the results of a campaign. The functions compute only what 
 results, such as bins, counts and confidence intervals.
 
 The arguments `detector` and `svid` choose a detector and a satellite. If `svid` is None, the results must have only one
-satellite. A figure is drawn on the axes `ax`, by default on new axes.
+satellite. A function with the argument `ax` draws on the axes `ax`, by default on new axes.
 """
 
 from __future__ import annotations

@@ -41,7 +41,8 @@ def detecting_correlator(
     have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie below
     the magnitudes and do not cover any magnitude.
 
-    The function raises `VestigeError` if the results lack the detector or the satellite.
+    The function raises `VestigeError` if a variable of the results is missing or invalid, or the results lack the
+    detector or the satellite. The error is also raised if `svid` is None for several satellites.
     """
     shown = select(results, detector=detector, svid=svid)
     time_s, magnitude = column(shown, "time_s"), column(shown, "magnitude_sigma")

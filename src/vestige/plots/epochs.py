@@ -30,8 +30,9 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 
     Without `svid` the only satellite is chosen.
 
-    The function raises `VestigeError` if the results lack a variable, the detector or the satellite. The error is also
-    raised if `svid` is None and there are several satellites, or if times or tap offsets do not ascend.
+    The function raises `VestigeError` if a variable is missing or has other axes or another type, or if the results
+    lack the detector or the satellite. The error is also raised if `svid` is None and there are several satellites, or
+    if times or tap offsets do not ascend.
     """
     for name, (kinds, *dims) in VARIABLES.items():
         expected = f"{name}({', '.join(dims)})"
@@ -61,7 +62,7 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
     """Return the epochs with `start_s` ≤ time < `stop_s`, in s after the start of the scenario.
 
-    The function raises `VestigeError` if no epoch is in this interval.
+    None means no limit. The function raises `VestigeError` if no epoch is in the interval, or if `time_s` is missing.
     """
     if start_s is None and stop_s is None:
         return results
@@ -96,7 +97,8 @@ def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
     """Return the phase of the detecting correlator in rad, and a label if the phase is relative to E1's prediction.
 
-    The carrier makes thousands of cycles from an epoch to the next epoch. The prediction of E1 contains these cycles.
+    The carrier phase usually changes by thousands of cycles from an epoch to the next epoch. The prediction from E1
+    contains these cycles.
     """
     phase = column(selected, "phase_rad")
     if "predicted_phase_rad" not in selected.variables:
@@ -131,7 +133,7 @@ def thinned(n: int, limit: int) -> slice:
 
 
 def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True) -> str:
-    """Return the title of a figure, which names the subject, the detector, the satellite and the C/N0."""
+    """Return the title of a figure, with the subject, the detector if wanted, the satellite, and the C/N0 if known."""
     by_detector = [f"{selected['detector'].item()} detector"] if with_detector else []
     parts = [what, *by_detector, f"E{int(selected['svid']):02d}"]
     if (cn0_dbhz := attribute(selected, "cn0_dbhz")) is not None:

@@ -52,7 +52,7 @@ def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projec
 
 
 def new_panels(n: int) -> list[Axes]:
-    """Return the axes of n panels above each other with a common abscissa, each panel 3 cm high."""
+    """Return the axes of n panels above each other with a common abscissa, in a figure that is n times 3 cm high."""
     figure = Figure(figsize=(WIDTH_CM / CM_PER_INCH, n * 3.0 / CM_PER_INCH), dpi=DPI, layout="constrained")
     panels: list[Axes] = list(figure.subplots(n, sharex=True))
     return panels
@@ -96,12 +96,12 @@ def typeset(number: float) -> str:
 
 
 def dot_size_pt(n: int) -> float:
-    """Return the diameter in pt at which `n` dots remain visible and hardly cover each other."""
+    """Return the diameter in pt of `n` dots, which is smaller for more dots, so that dots cover each other less."""
     return 2.2 if n <= 1000 else 1.6 if n <= 10_000 else 1.0
 
 
 def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
-    """Return the label of a time axis in s, or in 1000 s if the numbers of a long campaign would overlap."""
+    """Return the label of a time axis in s, or in 1000 s if a time reaches 10,000 s, and shorten the axis numbers."""
     if np.max(time_s, initial=0.0) < _LONG_S:
         return "time (s)"
     axis.set_major_formatter(lambda at_s, _: f"{at_s / 1000:g}")
@@ -111,7 +111,8 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
     """Write the figure of `ax` to a file in the format of its suffix (`FIGURE_FORMATS`).
 
-    The figure is first scaled to `width_cm`. The proportions of the figure and the size of its letters stay the same.
+    If `width_cm` is given, the figure is first scaled to this width. The proportions of the figure and the size of its
+    letters stay the same.
 
     Raises
     ------
@@ -119,6 +120,8 @@ def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
         If the suffix is not one of `FIGURE_FORMATS`.
     OSError
         If the file cannot be written.
+    InputFileError
+        If `path` is a symbolic link, a device or a pipe, or lies in the store of a campaign.
     """
     path = Path(path)
     if path.suffix.lower().lstrip(".") not in FIGURE_FORMATS:

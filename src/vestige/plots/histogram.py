@@ -15,7 +15,7 @@ _MOST_BINS = 600  # largest number of bins, each 1.5 pixels wide in a figure of 
 def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -> Float[np.ndarray, " n_edges"]:
     """Return equidistant borders of bins, with an empty bin on either side of the values.
 
-    A border of two bins lies at `border`. The width of the bins is doubled until at most 600 bins are needed.
+    A border of two bins lies at `border`. The width of the bins is doubled until the values span at most 600 widths.
     """
     low, high = min(values.min(initial=border), border), max(values.max(initial=border), border)
     while (high - low) / width > _MOST_BINS:

@@ -27,11 +27,11 @@ def magnitude_histogram(
 ) -> Axes:
     """Return axes with the histogram of the detecting correlator's magnitude, split into detected and not detected.
 
-    Detections begin at the threshold, which is a border of two bins. Below the threshold the detecting correlator is
-    not defined. Epochs without a detection are counted by their strongest correlator. The line is the Rice distribution
-    of a single correlator that is aligned with the signal. The Rice distribution follows from C/N0 and integration time
-    of the results. The detecting correlator has another distribution because of misalignment, multipath, and the
-    selection of the correlator.
+    Detections begin at the threshold, which is a border of two bins. Epochs without a detection have no detecting
+    correlator and are counted by their strongest correlator. The line is the Rice distribution of a single correlator
+    that is aligned with the signal. The Rice distribution follows from C/N0 and integration time of the results. The
+    detecting correlator has another distribution because of misalignment, multipath, and the selection of the
+    correlator.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ def magnitude_histogram(
     Raises
     ------
     VestigeError
-        If the results lack the detector or the satellite.
+        If a variable of the results is missing or invalid, or the results lack the detector or the satellite. If `svid`
+        is None for several satellites.
     """
     shown = select(results, detector=detector, svid=svid)
     threshold = attribute(shown, "threshold_sigma")

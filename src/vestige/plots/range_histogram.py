@@ -37,7 +37,7 @@ class RightFlank:
 
     @classmethod
     def fitted(cls, offsets_m: Float[np.ndarray, " n"], start_m: float) -> RightFlank | None:
-        """Return the law with the largest likelihood for the offsets beyond `start_m`; None if there are no offsets."""
+        """Return the law with the largest likelihood for the offsets beyond `start_m`; None without such offsets."""
         excess_m = offsets_m[offsets_m > start_m] - start_m
         if not excess_m.size:
             return None
@@ -48,7 +48,7 @@ class RightFlank:
         return self.events * bin_m / self.scale_m * np.exp(-(x_m - self.start_m) / self.scale_m)
 
     def last_m(self, bin_m: float, count: float = 0.5) -> float:
-        """Return the offset in m at which the expected count of a bin has fallen to `count`."""
+        """Return the offset in m, beyond `start_m`, at which the expected count of a bin is at most `count`."""
         return self.start_m + self.scale_m * float(np.log(max(self.events * bin_m / self.scale_m / count, 1.1)))
 
 
@@ -70,7 +70,8 @@ def range_histogram(
     Parameters
     ----------
     bin_m
-        Width of a bin in m. The width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
+        Width of a bin in m. The width is doubled until at most 600 bins are needed. If the width is not doubled, 0 m is
+        the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
         at −22.5 m for taps of 15 m. The mark gives the number of epochs within 0.3 taps of the cluster, 4.5 m for taps
@@ -84,7 +85,8 @@ def range_histogram(
     Raises
     ------
     VestigeError
-        If the results lack the detector or the satellite.
+        If a variable of the results is missing or invalid, or the results lack the detector or the satellite. If `svid`
+        is None for several satellites.
     """
     shown = select(results, detector=detector, svid=svid)
     offset_m = column(shown, "range_offset_m")

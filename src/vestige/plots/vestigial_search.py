@@ -54,7 +54,8 @@ def code_phases(
 ) -> Axes:
     """Return axes with the power of the strongest Doppler bin, divided by the threshold, against code phase.
 
-    The axes also show the signals in `found`, given as code phase and power, the strongest first.
+    The axes also show the signals in `found`, given as code phase in ms and power divided by the threshold, the
+    strongest first.
     """
     ax = new_axes()
     ax.plot(phase_ms, power, color=GREY, linewidth=0.4, rasterized=True)

@@ -10,17 +10,18 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
 Here σφ is the rms phase error of the carrier loop, whose noise bandwidth is B_φ and whose integration time is T. The
 phase error changes within a page, and the interleaver spreads the affected symbols. A soft-decision Viterbi decoder
 loses half a page with the probability in the table `_HALF_LOST`. The table comes from a simulation of the code, which
-`tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table, error events of the free distance 10 dominate,
-so the logarithm of the probability is extrapolated linearly. A page is lost if the checksum of one of its halves fails.
-The probability of a lost page is
+`tests/unit/receiver/test_osnma_reception.py` repeats. Above the highest Es/N0 of the table, error events of the free
+distance 10 dominate, so the logarithm of the probability is extrapolated linearly in dB. Below the lowest Es/N0 of the
+table, −4 dB, every page is lost. A page is lost if one of its halves is lost. The probability of a lost page is
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.12     0.013    0.0007   0.00004     without phase error
 
-If the C/N0 falls from 25 to 22 dBHz, the lost pages of an ideal receiver thus rise from 0.07 % to 52 %. Fading, a worse
-decoder or soft decisions of few bits increase the loss.
+If the C/N0 falls from 25 to 22 dBHz, the share of pages that an ideal receiver loses thus rises from 0.07 % to 52 %.
+Fading, a worse decoder or soft decisions of few bits increase the loss.
 
-Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
+Pages 10 to 14 of a subframe together carry the key [OSNMA-ICD]. All satellites send the same key, so a receiver needs
+these pages from only one satellite.
 
 Pages are numbered from the start of the week. Page j is page j mod 15 of its subframe, and ends 3 + 2j s after the
 start of the week.
@@ -49,7 +50,7 @@ _DECI = 10  # times are counted in tenths of a second, which are exact as intege
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is the C/N0 of E1-B, which is equal to the C/N0 of E1-C. If `cn0_dbhz` is NaN or −∞, every page is lost.
+    `cn0_dbhz` is the C/N0 of E1-B, which is equal to the C/N0 of E1-C. If `cn0_dbhz` is not finite, every page is lost.
     Without `tracking` the phase has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)

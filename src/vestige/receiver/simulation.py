@@ -1,23 +1,23 @@
 """Simulate one satellite of a receiver: the truth, the keys, and the RECS on E6 at either fidelity [WFO, Sec. V].
 
-P is the pseudorange from geometry and receiver clock, which both bands have in common. P1 and P6 are the ranges on E1
-and E6:
+P is the part of the pseudorange that both bands have in common: geometry, receiver clock, and the troposphere of a
+sky. P1 and P6 are the ranges on E1 and E6:
 
     P1 = P + e1_noise + e1_multipath                 range that E1 tracking measures
     P6 = P + iono_diff + bias                        range of the line of sight in E6
 
 The range error of the hand-over is thus P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. Reflections arrive later
 than the line of sight by their excess delay. All terms of P1 and P6 are delays of the code. The carrier has no bias,
-and the ionosphere advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the
-signal that the E1 loop followed. Under attack, E6 also contains spoofing signals, noise and jamming (`sampled_attack`,
-`disturbance`).
+and the ionosphere advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the error of
+the pseudorange that the attack causes in the E1 loop. Under attack, E6 also contains spoofing signals, noise and
+jamming (`sampled_attack`, `disturbance`).
 
 The two fidelities of E6 are:
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key. The receiver samples the chips with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples come from one
   recording of all satellites (`snapshots.sky_samples`).
-* `correlators`: the correlators of a block are drawn at random from the exact model (`correlator_model`).
+* `correlators`: the correlators of a block are drawn at random from their distribution (`correlator_model`).
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class Simulation:
         return GalileoTime.normalized(self.start.week, self.start.second + deciseconds // 10, deciseconds % 10 / 10)
 
     def osnma_operator(self) -> OsnmaOperator:
-        """Return the OSNMA operator of the run before the first broadcast.
+        """Return the OSNMA operator of the run, in its state before the first broadcast.
 
         The operator has the key of every RECS of the run.
         """
@@ -153,8 +153,8 @@ class Simulation:
     def spoofer_as_received(self) -> Spoofer:
         """Attacker that E1 tracking and drawn correlators use.
 
-        Under a sky, delay and Doppler of this attacker's signals follow from the satellites' earlier positions. Samples
-        do not need this attacker, because `samples.attacked_sky` computes the earlier positions.
+        Under a sky, delay and Doppler of this attacker's signals contain the effect of the satellite's earlier
+        position. Samples do not need this attacker, because `samples.attacked_sky` computes the earlier positions.
         """
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer

@@ -81,7 +81,7 @@ class TruthAround:
     def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
         """Return the truth of two consecutive blocks as one block.
 
-        The effects of attacks are computed again from the times of the joined block.
+        The spoofing signals, noise and jamming of attacks are computed again from the times of the joined block.
         """
         times_s = np.concatenate([before.time_s, after.time_s])
         spoofer, svid = self._of.spoofer_as_received, self._of.svid

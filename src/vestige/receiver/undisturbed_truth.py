@@ -159,7 +159,7 @@ _kept = lru_cache(maxsize=_KEPT_BLOCKS)(_begun)
 
 
 def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_errors: int = 1) -> Any:
-    """Return the next values of a model's errors, after a check of the shape of values from a user's own class."""
+    """Return the next values of a model's errors, after a check of values from a user's own class."""
     values = process.advance(times_s)
     if isinstance(values, RayBlock):
         for field in fields(values):

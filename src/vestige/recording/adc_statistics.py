@@ -1,11 +1,12 @@
 """Compute statistics of the first samples of a recording, which show a wrong format or frequency, or no signal.
 
-The numbers describe the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit
-front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
-and hardly any sample at the outermost values, unless the front end clips. The spectral centre is the centre of the
-front end's pass band, as a radio frequency. The spectral centre is the mean frequency, weighted with the power above
-twice the flat floor. Outside the pass band, the noise of quantisation causes the flat floor. For real samples only the
-half of the spectrum with the band's carrier is used.
+The amplitudes are in the unit of the file. The rms, the outermost values and the number of distinct values describe the
+stored components: the real samples, or I and Q together. A 2-bit front end has 4 distinct values and about a third of
+its samples at the outermost values. An 8-bit front end has many values and hardly any sample at the outermost values,
+unless the front end clips. The spectral centre is the centre of the front end's pass band, as a radio frequency. The
+spectral centre is the mean frequency, weighted with the power above twice the flat floor. Outside the pass band, the
+noise of quantisation causes the flat floor. For real samples only the half of the spectrum with the band's carrier is
+used.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class AdcStatistics:
 
 
 def adc_statistics(reader: SampleReader) -> AdcStatistics:
-    """Return the statistics of the first `LOOKED_AT` samples.
+    """Return the statistics of the first `LOOKED_AT` samples, or of all samples of a shorter file.
 
     The function raises `InputFileError` if the samples cannot be read, or are not finite numbers.
     """

@@ -70,7 +70,7 @@ class RecordingDescription:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Return the sample files, the description files and the observation file of the recording."""
+        """Return the path of the recording, its sample files, description files and observation file."""
         described = (path for file in self.bands.values() for path in (file.path, file.described_in))
         observations = () if self.observations is None else (self.observations,)
         return tuple(dict.fromkeys((self.path, *described, *observations)))
@@ -79,7 +79,7 @@ class RecordingDescription:
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
     """Return the band whose carrier is in the sampled spectrum, or None if no carrier is in the spectrum.
 
-    If two carriers are in the spectrum, the nearer carrier counts.
+    If two carriers are in the spectrum, the carrier nearer to the centre frequency counts.
     """
     band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
     return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
@@ -107,7 +107,7 @@ def counter_seconds(band: BandFile) -> Fraction:
 
 
 def redated(description: RecordingDescription, start: GalileoTime) -> RecordingDescription:
-    """Return the description of a recording whose earliest sample is at `start`.
+    """Return `description` with the earliest sample of the recording at `start`.
 
     The counter gives the start of the other band.
     """

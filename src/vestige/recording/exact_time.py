@@ -1,7 +1,7 @@
 """Compute times of samples, and write times as text, without loss of precision.
 
-The time of 5·10¹³ samples at 10 MHz in s has a resolution of 1 ns as a float64, or 30 cm of range. So the whole seconds
-are split off in exact arithmetic first. Only the fraction is rounded, and only once.
+The time of 5·10¹³ samples at 10 MHz in s has a resolution of 0.9 ns as a float64, or 28 cm of range. So the whole
+seconds are split off in exact arithmetic first. Only the fraction is rounded, and only once.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> Gali
 
 
 def exact_second(time: GalileoTime) -> str:
-    """Return the second of the week as the shortest text that gives the same float again: `348018.1`."""
+    """Return the second of the week as text, with the fewest digits that give the same fraction again: `348018.1`."""
     digits = np.format_float_positional(time.fraction, unique=True, trim="-")
     return str(time.second) + digits.removeprefix("0")
 

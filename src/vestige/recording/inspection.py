@@ -1,10 +1,10 @@
 """Inspect a recording: list the content, and the data that ACAS lacks to authenticate the recording.
 
-For each verdict ACAS needs three inputs: E6 samples that contain a RECS, the RECS itself, and the OSNMA key of the
-RECS. E1 (samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects
-the predicted position. The receiver clock's error must be provably smaller than the time from the RECS to the
-disclosure of the key. For a key delay of one subframe (KDI 1), the paper states 30 s from the RECS to the disclosure
-[WFO, Sec. III-D]. The exact time from the RECS to the disclosure is 22 to 52 s.
+For a verdict other than NOT_AVAILABLE, ACAS needs three inputs: E6 samples that contain a RECS, the RECS itself, and
+the OSNMA key of the RECS. E1 (samples or observations) predicts the position of the RECS in E6. The group delay of the
+satellite corrects the predicted position. The receiver clock's error must be provably smaller than the time from the
+RECS to the disclosure of the key. For a key delay of one subframe (KDI 1), the paper states 30 s from the RECS to the
+disclosure [WFO, Sec. III-D]. For this key delay, the exact time from the RECS to the disclosure is 22 to 52 s.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def inspect_recording(
     """Return the content of a recording, an observation file or a folder, and the data that ACAS lacks.
 
     The function raises `InputFileError` or `UnsupportedError` if nothing at `path` can be read, or its description,
-    samples or observations are not usable.
+    samples or observations are not usable. `InputFileError` is also raised if the folder `assistance` does not exist.
+    `VestigeError` is raised if `public_key` or `merkle_tree` is not usable.
 
     Parameters
     ----------
@@ -101,13 +102,13 @@ def inspect_recording(
     time_uncertainty_s
         Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
     assistance
-        Folder with RECS, keys and other assistance; by default the folder of the recording with its subfolders.
+        Folder with RECS, keys and other assistance; by default the folder of the recording with its direct subfolders.
     public_key, merkle_tree
         Trust anchors of OSNMA, used in place of the trust anchors in the assistance folder.
     check_hash
         Whether sample files are compared with the hashes in their descriptions, which reads all samples.
     signals
-        Whether to search for satellites and for errors of the description, which takes 10 to 40 s.
+        Whether to search for satellites and for errors of the description, which usually takes 10 to 40 s.
     progress
         Function that is called with the name of the search step, the number of finished parts and the number of all
         parts.
@@ -142,7 +143,7 @@ def inspect_recording(
 
 
 def _find(path: Path) -> tuple[RecordingDescription | None, Path | None]:
-    """Return the recording and the observation file at a path, one of which may be None."""
+    """Return the recording and the observation file at a path, each None if the path has none."""
     if path.is_file() and observation_kind(path) is not None:
         return None, path
     if path.is_dir() and find_recording(path) is None:
@@ -170,7 +171,7 @@ def _coverage(file: ObservationFile) -> ObservationCoverage:
 
 
 def _span(bands: tuple[BandInspection, ...]) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the receiver-clock times of the first and last E6 sample, if they are known."""
+    """Return the receiver-clock times of the start and end of the E6 samples, or None if these times are unknown."""
     e6 = next((band.reader for band in bands if band.reader.band is Band.E6), None)
     if e6 is None or e6.file.start is None:
         return None
@@ -237,7 +238,7 @@ def _missing_time(uncertainty_s: float) -> Iterator[str]:
 
 
 def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[str]:
-    """Yield a line if the clock is too uncertain to prove that every RECS was received before its key's disclosure."""
+    """Yield a line if the clock cannot prove that every RECS with a known key was received before the disclosure."""
     disclosed = {key.time: key.disclosed_at for key in assistance.keys}
     margins_s = [
         disclosed[segment.key_time] - segment.transmit_time - TRAVEL_TIME_S[1] - segment.n_chips / E6C.chip_rate_hz

@@ -1,8 +1,8 @@
 """Make blocks of one epoch for the processor, from a snapshot of a recording or from E1 tracking between snapshots.
 
-If the receiver has a second OSNMA channel, a block includes the comparison of the OSNMA data since the previous block
-with this channel. If the receiver has inertial sensors, a block includes their velocity increments since the previous
-block.
+If the receiver has a second OSNMA channel, a block includes the comparison with this channel. The comparison covers the
+OSNMA data since the previous block. If the receiver has inertial sensors, a block includes their velocity increments
+since the previous block.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class OtherChannels:
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
 
-        `since` is the time of the previous snapshot; None for the first snapshot.
+        `since` is the time of the previous block; None for the first block.
         """
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 

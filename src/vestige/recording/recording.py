@@ -7,9 +7,9 @@ A recording is given as:
 * a folder with a `.sigmf-meta` file for each band, or a single `.sigmf-meta` file;
 * a folder with an `.sdrx` file, or the path of an `.sdrx` or `.xml` file: ION GNSS SDR metadata.
 
-If a folder contains several of these descriptions, the first description in this list is used. E1 observations are in
-the same folder, or `recording.toml` names the file of the observations. The first line of the file of observations
-tells the format (RINEX or CSV).
+If a folder contains descriptions of several kinds, the first kind in this list is used. A recording may have a file of
+E1 observations. `recording.toml` names this file. With any other description, the file is in the same folder. The first
+line of the file of observations tells the format (RINEX or CSV).
 """
 
 from __future__ import annotations
@@ -64,14 +64,15 @@ class Recording:
         return self.description.notes + tuple(note for reader in readers for note in reader.notes)
 
     def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
-        """Return the samples of a band in a window of receiver-clock time, or None if the window has no samples.
+        """Return the samples of a band in a window of receiver-clock time, or None if the window has none.
 
         The batch begins with the first sample at or after `start_time`. A sample up to a thousandth of a sampling
-        interval before `start_time` is also included. The batch has ⌈duration · rate⌉ samples, the same number for
-        every position of the window. Samples outside the recording are left out. If samples are left out, `start`,
-        `first_sample` and the length of the batch describe the remaining samples.
+        interval before `start_time` is also included. The batch has ⌈`duration_s` · rate − 0.001⌉ samples, the same
+        number for every position of the window. Samples outside the recording are left out. If samples are left out,
+        `start`, `first_sample` and the length of the batch describe the remaining samples.
 
-        The function raises `InputFileError` if the samples cannot be read.
+        The function raises `InputFileError` if the samples cannot be read. The function raises `ValueError` if
+        `duration_s` is not positive and finite.
         """
         if not duration_s > 0 or math.isinf(duration_s):
             raise ValueError(f"found a window of {duration_s} s, expected a positive, finite duration")
@@ -120,8 +121,9 @@ def _only(folder: Path, suffix: str, what: str) -> Path | None:
 def describe_recording(path: Path) -> RecordingDescription:
     """Return the description of the recording at `path` without reading samples.
 
-    The function raises `InputFileError` if there is no recording, or a description is not usable. The function raises
-    `UnsupportedError` if the description is valid, but of a kind that vestige does not read.
+    The function raises `InputFileError` if there is no recording, if a description is not usable, or if the folder has
+    several files of E1 observations. The function raises `UnsupportedError` if the description is valid, but of a kind
+    that vestige does not read.
     """
     found = find_recording(path)
     if found is None:
@@ -159,7 +161,7 @@ def named_observations(description: RecordingDescription) -> bool:
 
 
 def observation_names(description: RecordingDescription) -> list[Path]:
-    """Return the files of a recording that have names of observation files."""
+    """Return the files of a recording's folder with names of observation files; [] if the folder is not searched."""
     if named_observations(description):
         return []
     folder = description.path if description.path.is_dir() else description.path.parent
@@ -167,7 +169,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return the errors of files that have the name of an observation file with `obs` in it, but other contents."""
+    """Return the errors of files whose names contain `obs` and suit an observation file, but whose contents do not."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():
@@ -198,8 +200,8 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
     Raises
     ------
     InputFileError
-        If there is no recording, if its description or samples are not usable, or if neither the description nor
-        `start` gives the time.
+        If there is no recording, if its description, samples or file of E1 observations are not usable, or if neither
+        the description nor `start` gives the time.
     UnsupportedError
         If the description is valid, but of a kind that vestige does not read.
 

@@ -24,8 +24,8 @@
     [observations]                        # optional
     file = "observations.rnx"             # RINEX 3 or 4, or CSV
 
-With `frame` the file contains a sample of each band in turn, in the order of `frame`: `E1[0] E6[0] E1[1] E6[1] …`.
-Recorders with two front ends write such files. With `frame`, the tables `[e1]` and `[e6]` must have the same file,
+With `frame` the file contains a sample of each band in turn, in the order of `frame`: `E1[0] E6[0] E1[1] E6[1] …`. Some
+recorders with two front ends write such files. With `frame`, the tables `[e1]` and `[e6]` must have the same file,
 format, layout, sampling rate, first sample and header. The example above shows every key, but a description with
 `frame` has equal file names in both tables.
 
@@ -98,8 +98,8 @@ class _RecordingTable(_Table):
 def read_recording_toml(path: Path) -> RecordingDescription:
     """Return the description of the recording in the file `path`.
 
-    The function raises `InputFileError` if the file is not TOML, lacks a key, has an unknown key, or a value or file
-    name is not usable.
+    The function raises `InputFileError` if the file is not TOML, lacks a required key, has an unknown key, if a value
+    or file name is not usable, or if the tables of the two bands do not fit together.
     """
     table = _table(path)
     start = None if table.start is None else _time(path, table.start)

@@ -1,4 +1,4 @@
-"""Store the progress of exhaustive searches in a log file, so that an interrupted search continues without a loss.
+"""Store the progress of exhaustive searches in a log file, so that an interrupted search continues from this progress.
 
 Each new log replaces the old log only after the new log is on the disk, so the log file is complete at any moment. The
 log names the recording, the codes and the settings of the searches (`of`). So a search never continues from the

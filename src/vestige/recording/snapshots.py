@@ -3,8 +3,8 @@
 A snapshot is made for every time of transmission whose RECS can arrive during the E6 samples. The E1 pseudoranges give
 the arrival of each RECS. The E6 samples of a snapshot begin 1 ms before the first RECS arrives, and end 1 ms after the
 last RECS has arrived, if the recording has these samples. The observations come from the observation file, from
-tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples are read, so a recording may be
-far larger than memory.
+tracking, or from 100 ms of E1 samples around the arrival of the RECS. Only short windows of samples are read, so a
+recording may be far larger than memory.
 """
 
 from __future__ import annotations
@@ -253,7 +253,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
 def svids_in_view(
     recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
-    """Return the E1 observations of `svids` at the start of a recording; {} if the recording has no E1."""
+    """Return the first E1 observations of `svids` in a recording; {} if the recording has no data of E1."""
     if recording.observations is not None:
         epoch = next(iter(recording.observations), None)
         return {} if epoch is None else {svid: one for svid, one in epoch.observations.items() if svid in set(svids)}

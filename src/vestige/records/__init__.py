@@ -51,11 +51,11 @@ class E1Observation:
     carrier_phase_cycles
         Accumulated carrier phase in cycles, growing when the range grows (RINEX convention); NaN if not measured.
     doppler_hz
-        Carrier Doppler in Hz, positive when the satellite approaches.
+        Carrier Doppler in Hz, positive when the satellite approaches; NaN if not measured.
     doppler_rate_hz_per_s
-        Rate of change of the Doppler in Hz/s.
+        Rate of change of the Doppler in Hz/s; NaN if not measured.
     cn0_dbhz
-        C/N0 of E1-C alone (per component) in dBHz.
+        C/N0 of E1-C alone (per component) in dBHz; NaN if not measured.
     """
 
     svid: int

@@ -67,8 +67,8 @@ class CheckSeries:
     p_fa
         False-alarm probability of one test.
     statistic, threshold
-        Statistic and threshold of each test, float64 of equal shape; NaN where the check was not run. The check fails
-        where |statistic| > threshold.
+        Statistic and threshold of each test, float64 of equal shape. The check was not run where the statistic, the
+        threshold or both are NaN. A test fails where |statistic| > threshold.
     explain
         Function that returns the reason why the check failed, or was not run, at an epoch and satellite.
     exact

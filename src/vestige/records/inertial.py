@@ -33,7 +33,7 @@ class Accelerations:
         """Return the velocity increments between two epochs, one for each step between samples.
 
         An increment is the integral of the acceleration, which is interpolated linearly between samples. The result has
-        no increments if `first` is None or samples are missing.
+        no increments if `first` is None, if `last` is not later than `first`, or if samples are missing.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

@@ -22,7 +22,7 @@ def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, 
 
     The most significant bit of each byte comes first.
 
-    The function raises `ValueError` if `bits` has fewer than `skip` + `n_chips` bits.
+    The function raises `ValueError` if `n_chips` is negative, or if `bits` has fewer than `skip` + `n_chips` bits.
     """
     if not (n_chips >= 0 and skip + n_chips <= 8 * len(bits)):
         raise ValueError(f"{len(bits)} bytes do not hold {skip + n_chips} chips")

@@ -23,7 +23,7 @@ _NEVER = GalileoTime(0, 0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecsBlock:
-    """RECS of n epochs and m satellites, and the times at which the keys of these RECS are on air."""
+    """Whether RECS of n epochs and m satellites were found, and the times at which the keys of the RECS are on air."""
 
     found: Bool[np.ndarray, "n m"]  # whether a RECS was found for the epoch and satellite
     with_key: Bool[np.ndarray, "n m"]  # whether a RECS and its validated key were found
@@ -38,7 +38,7 @@ class RecsLookup(Protocol):
 
     @property
     def block(self) -> RecsBlock:
-        """RECS of the block, and the times at which the keys of these RECS are on air."""
+        """Whether the RECS of the block were found, and the times at which the keys of these RECS are on air."""
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and the key that decrypts this RECS."""
@@ -82,7 +82,7 @@ class FoundRecs:
 
 
 def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
-    """Return the RECS that the satellites of a block sent, with the keys in the assistance."""
+    """Return the RECS of the satellites tracked on E1 in a block, and the keys of these RECS in the assistance."""
     shape = snapshots.asked.shape
     found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     times = np.full((3, *shape), _NEVER, object)
@@ -115,6 +115,6 @@ def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTi
 
 
 def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
-    """Return the satellite's RECS nearest to a time; None if no RECS is sent within `SEGMENT_WINDOW_S` of the time."""
+    """Return the satellite's RECS nearest to a time; None if this satellite sends no RECS within `SEGMENT_WINDOW_S`."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)

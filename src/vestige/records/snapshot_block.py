@@ -63,9 +63,9 @@ class FrontEndBlock:
 class OsnmaBlock:
     """Comparison of received OSNMA with a second channel, for k pieces of subframes.
 
-    A subframe may come in several pieces, one for each epoch. Each piece ends at or before its epoch. Each piece has a
-    bit for every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a
-    whole, because the pages of the key are unknown.
+    A subframe may come in several pieces, one for each epoch. Each piece ends at or before its epoch. Each number in
+    `due`, `received` and `differs` has a bit for every page of the subframe (bit 0 is the first page). The bit
+    `KEY_BIT` is for a key that is compared as a whole, because the pages of the key are unknown.
     """
 
     epoch: Int64[np.ndarray, " k"]  # first row of the block at whose time the piece is known
@@ -113,7 +113,7 @@ class E6(Protocol):
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the banks at `offsets_m` around the requested hand-overs; NaN where E6 does not contain the RECS."""
+        """Return the banks at `offsets_m` around the hand-overs in `asked`; NaN where nothing was correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

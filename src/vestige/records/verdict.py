@@ -15,10 +15,10 @@ class Outcome(Enum):
     Attributes
     ----------
     PASS
-        The statistic does not exceed the threshold.
+        The magnitude of the statistic does not exceed the threshold.
     FAIL
-        The statistic exceeds the threshold. A check with confirmation fails only if the statistic exceeds the threshold
-        in several tests in a row.
+        The magnitude of the statistic exceeds the threshold. If the check needs confirmation, only several failed tests
+        in a row change the status of the satellite.
     NOT_RUN
         The check was not made, for example because an input is missing. `CheckResult.reason` gives the reason.
 
@@ -58,14 +58,15 @@ class Status(Enum):
     AUTHENTIC
         The encrypted signal was found in E6 at the range that E1 predicts, and no check failed.
     SUSPECT
-        A check failed, but this check alone does not prove an attack.
+        A check failed that alone does not prove an attack, or a search found another satellite twice.
     SPOOFED
         The range of E6 disagrees with E1, the satellite was found twice, or OSNMA differs from the second channel. A
-        delay between the front ends that is not calibrated also leads to SPOOFED.
+        delay between the front ends that is not calibrated can also lead to SPOOFED.
     NOT_DETECTED
         The encrypted signal was not found in E6, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE
-        No conclusion is possible: RECS, key, samples or E1 are missing, or the signal is too weak.
+        No conclusion is possible, for example because the RECS, its key, samples or E1 are missing, or because the
+        signal is too weak.
 
     Examples
     --------
@@ -90,11 +91,12 @@ class Verdict:
     index
         Running number of the epoch in its source, from 0. Epochs of E1 tracking between two RECS also have numbers.
     time
-        Time of reception of the RECS on the receiver's clock. If the message on E1 or the RECS in the samples gives the
-        error of the time tag, `vestige process` and `vestige live` write the time without this error.
+        Receiver-clock time of the E1 observations; in an epoch with RECS, the time of reception of the RECS. If the
+        message on E1 or the RECS in the samples gives the error of the time tag, `vestige process` and `vestige live`
+        write the time without this error.
     available_at
-        Earliest time at which a receiver that has received the key can know the verdict; None if the verdict needed no
-        key.
+        Time at which the whole key has been on air, so that a receiver can know the verdict; None if the verdict was
+        made without a key.
     svid
         SVID of the satellite, 1 to 36.
     level
@@ -102,14 +104,16 @@ class Verdict:
     status
         Conclusion of the receiver about the satellite.
     checks
-        All checks of the level, with statistic, threshold and outcome.
+        Checks of the level that the settings allow, and optional and own checks, with statistic, threshold and outcome.
     range_offset_m
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
         Reason for the status in one line of text. If the status is AUTHENTIC, the reason names the checks that could
         not be run.
     true_offset_m
-        Range of the earliest signal minus the E1 range in m, if a search found more than one signal; NaN otherwise.
+        Range of the earliest signal minus the E1 range in m, if a search found several signals, or if the E6
+        correlators have a signal that is earlier than E1 predicts by more than the limit of the range check. NaN in all
+        other cases. The value is also NaN if no search can decide which signal is true, or if the range is impossible.
 
     Examples
     --------

@@ -88,9 +88,9 @@ def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
 
 
 def number(value: float, digits: int = 3, unit: str = "") -> str:
-    """Return a number as text with `digits` significant digits.
+    """Return a number as text, rounded to `digits` significant digits.
 
-    A number below 10⁷ keeps all digits before the decimal point. The text of NaN or infinity is a dash.
+    A number of magnitude below 10⁷ keeps all digits before the decimal point. The text of NaN or infinity is a dash.
     """
     if not math.isfinite(value):
         return "–"

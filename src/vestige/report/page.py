@@ -57,7 +57,7 @@ class Page:
 def write_page(page: Page, path: Path) -> None:
     """Write a page to a file, as a whole or not at all.
 
-    The function raises `InputFileError` if `path` is an existing file that is no report.
+    The function raises `InputFileError` if `path` exists and is not a report.
     """
     if path.exists() and not is_report(path):
         raise InputFileError(

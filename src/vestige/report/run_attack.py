@@ -25,7 +25,7 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 
 
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
-    """Return a card with the time of the first alarm on any satellite.
+    """Return a card with the time from the start of the attack to the first alarm on any satellite.
 
     `chosen` is the name of the detector that gives the verdicts.
     """

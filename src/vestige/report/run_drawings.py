@@ -32,8 +32,8 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data that the script of a run's page draws, and `Rows.every` of each satellite.
 
-    `checks` are the checks of a receiver with several satellites, and the user's own checks. `checks` is empty for a
-    run of a single satellite without own checks.
+    `checks` are the checks of the highest level for which the results allow verdicts, and the user's own checks.
+    `checks` is empty for a run without a sky and without own checks.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]
@@ -156,7 +156,10 @@ def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarr
 
 
 def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[CheckSeries, ...]) -> dict[str, Any]:
-    """Return for each check the largest |statistic|/threshold of all satellites in each stretch."""
+    """Return for each check the largest |statistic|/threshold of all satellites in each stretch.
+
+    A threshold of 0 is replaced by `_OF_NONE`.
+    """
     parts = stretches(time_s, interval_s, STRETCHES)
     lanes = []
     for check in checks:

@@ -38,7 +38,8 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     Results with a coordinate `epoch` are from a run that has not ended. `question` replaces the usual question of the
     page.
 
-    The function raises `VestigeError` if the results are not from `vestige run`, or have no due verdict.
+    The function raises `VestigeError` if the results are not from `vestige run`, or have no due verdict. The error is
+    also raised if the code of a user's class has changed since the run.
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
@@ -176,7 +177,7 @@ def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
 
 
 def _status_key(counts: VerdictCounts) -> Html:
-    """Return a table with the meaning, the number and the colour of each status."""
+    """Return a table with the meaning and the colour of each status, and the number of verdicts with this status."""
     rows = []
     for status in Status:
         swatch = element("span", "", class_="swatch", style=f"--swatch: var(--{status.value.replace(' ', '-')})")

@@ -38,7 +38,7 @@ def scenario_section(text: str) -> Html:
 def reproduce_section(
     results: xarray.Dataset, name: str, thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]
 ) -> Html:
-    """Return the section with the commands, the versions, and the epochs of the run that are drawn."""
+    """Return the section with the commands, the origin of the results, and the epochs of the run that are drawn."""
     attributes = attributes_of(results)
     store = f"{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.zarr"
     commands = f"vestige run scenario.toml -o {store}\nvestige report {store} -o report.html"

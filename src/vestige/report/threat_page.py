@@ -204,7 +204,7 @@ def _a_day(cell: TableCell) -> Html:
 
 
 def _reasons(found: ThreatTable) -> list[Html]:
-    """Return the table's reasons for unexpected outcomes, and the limits of the scenes."""
+    """Return the table's reasons for outcomes that differ or are undecided, and the texts of the column `shows`."""
     terms: dict[str, list[str]] = {}
     for row, cells in found.scenes():
         for cell in cells:

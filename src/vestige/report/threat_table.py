@@ -1,6 +1,6 @@
 """Read the table that `vestige threats -o` writes, by the names of the columns.
 
-The name of a column gives the meaning of the column, so the reader accepts further levels and columns.
+The name of a column gives the meaning of the column, so this module accepts further levels and columns.
 `expected_level_2` is the expected outcome of level 2, and `level_2` tells whether the measurement agrees.
 `detected_level_2` is the number of runs in which level 2 detected the attack. A table with a column `level` has a row
 for each level. In a table with a column `level`, names of columns without a level refer to the level of the row. If
@@ -122,7 +122,7 @@ _NUMBERS = re.compile(
 
 
 def _check_numbers(path: Path, number: int, row: Mapping[str, str]) -> None:
-    """Raise `InputFileError` if a cell that must contain a number contains other text."""
+    """Raise `InputFileError` if the cell of a level, a count or another number contains an invalid value."""
     for name, text in row.items():
         if name == "level" and not re.fullmatch(r"[1-9]\d?", text):
             raise InputFileError(path, f"row {number}, {name}", text, "a mitigation level")

@@ -12,11 +12,11 @@ The powers of K stretches are added non-coherently, each shifted by the code Dop
 per dimension, the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
-Cross-correlation with a much stronger satellite does not average out like noise, because the cross-correlation is
-constant over the whole 100 ms. The cross-correlation of two memory codes with different Dopplers reaches −20 dB. The
-rough C/N0 of the strong satellite is up to 3 dB too low, because of self-noise and a Doppler up to half a bin away.
-Noise adds to the power of the weak satellite. So a signal is accepted only if its C/N0 is within `CROSS_CORRELATION_DB`
-of the strongest signal.
+Cross-correlation with a much stronger satellite does not average out like noise, because the codes of both satellites
+repeat in every period. The cross-correlation of two memory codes with different Dopplers reaches −20 dB. The rough C/N0
+of the strong satellite is up to 3 dB too low, because of self-noise and a Doppler up to half a bin away. Noise adds to
+the power of the weak satellite. So a signal is accepted only if its C/N0 is less than `CROSS_CORRELATION_DB` below the
+C/N0 of the strongest signal.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
 signal from the powers of E1-B and E1-C.
@@ -69,7 +69,7 @@ def acquire(
     bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
-    """Return an acquisition of each satellite of `svids` whose E1-C is in `batch`.
+    """Return an acquisition of each satellite of `svids` whose E1-C was found in `batch`.
 
     The batch must have at least 8 ms of samples. At most `max_stretches` stretches are added; 24 stretches last 100 ms.
     The searched Dopplers are every `bin_step`-th bin of 125 Hz within `doppler_span_hz` of `doppler_center_hz`.
@@ -199,7 +199,7 @@ class _Stretches:
 
 
 def _stretches(batch: SampleBatch, doppler_span_hz: float, max_stretches: int) -> _Stretches:
-    """Return the spectra of the first `max_stretches` stretches, without stretches that exceed the batch."""
+    """Return the spectra of the first `max_stretches` stretches, without stretches that end after the batch."""
     fs = batch.sample_rate_hz
     n = round(2 * E1_CODE_PERIOD_S * fs)
     starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(max_stretches))

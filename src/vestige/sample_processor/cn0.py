@@ -9,13 +9,14 @@ if data bits are removed.
 | estimator | from | weakness |
 |---|---|---|
 | narrow to wide power ratio | power of a sum of M prompts over their power [VAN-DIERENDONCK96] | needs M equal signs |
-| second and fourth moment | powers of P [PINI08] | large spread below 30 dBHz |
+| second and fourth moment | mean power and mean squared power of P [PINI08] | large spread below 30 dBHz |
 | signal to noise variance | magnitude of I [PINI08] | too high where S < N |
 | Beaulieu | differences of the magnitude of I [PINI08] | too high where S < 3 N |
 | real signal, complex noise | power of Q, which is noise alone [PINI08] | needs phase lock |
 
-The narrow-to-wide ratio is the best of these estimators. The bias of this ratio is at most 0.2 dB from 25 to 45 dBHz,
-and the spread of this ratio is the smallest at low C/N0. An estimate is NaN if noise makes the formula undefined.
+The narrow-to-wide ratio is the best choice over all C/N0. The bias of this estimator is at most 0.2 dB from 25 to 45
+dBHz. At 25 dBHz the estimators with a smaller spread have a bias of about 1 dB or more (docs/checks/cn0.md). An
+estimate is NaN if noise makes the formula undefined.
 """
 
 from __future__ import annotations

@@ -69,7 +69,10 @@ def rates_by_repetition_hz(
 
 
 def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterator[Float64[np.ndarray, " lags"]]:
-    """Yield the sums at all lags in standard deviations from the median sum; nothing if there are too few samples."""
+    """Yield the sums at all lags in standard deviations from the median sum, at most `_HIGHEST`.
+
+    The generator yields nothing if there are too few samples, or if the sums do not vary.
+    """
     longest = min(_LONGEST_LAG, samples.size - 2 * block)
     if longest <= 1:
         return

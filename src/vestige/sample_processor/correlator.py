@@ -10,17 +10,17 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
 R_c is the chip rate, f_c the carrier frequency, and x_n is sample n. f_d and ḟ_d are Doppler and Doppler rate of the
 hand-over.
 
-Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋]. The sum runs over the samples whose delayed
-code phase u_n − d_k lies in the segment, the series of chips of the hand-over. M is the number of samples in the
-duration of the segment. So a path of amplitude a at delay d_k gives c_k = a.
+Tap k, delayed by d_k chips, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋]. The sum runs over the samples whose
+delayed code phase u_n − d_k lies in the segment, the series of chips of the hand-over. M is the number of samples in
+the duration of the segment. So without noise a path of amplitude a at delay d_k gives c_k = a.
 
 **Noise floor.** The threshold must come from the noise after the correlation with a code that is not in the signal
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
-pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
-estimate is also right for coloured noise and interference. The power of the true signal raises the floor by the energy
-of a chip over the noise density (−32 dB at 35 dBHz), as with any wrong code. A floor that is estimated from J chips has
-a relative error of 1/√J, which is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
+pass over the chips gives the mean result of all wrong codes, and no reference cell is drawn at random. The estimate is
+also right for coloured noise and interference. The true signal raises the floor, as with any wrong code. The relative
+increase is the energy of a chip over the noise density (−32 dB at 35 dBHz). A floor that is estimated from J chips has
+a relative error of 1/√J, which is 0.35 % for 16 ms. The loss of sensitivity by this error (CFAR loss) is 0.0005 dB.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     Returns
     -------
     CorrelatorBank | None
-        Bank of correlators; None if the samples do not contain the whole segment at the earliest and the latest tap.
+        Bank of correlators; None if the samples do not contain the whole segment at the earliest tap, at the latest tap
+        and at the expected start.
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]

@@ -147,7 +147,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     offsets
         float64[n_taps] in chips, positive is later, within REACH_CHIPS of `middle_chips`.
     t0, dt
-        Time of the first sample after the start of the code, and the sampling interval, in s.
+        Time of the first sample minus the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate
         Received chip rate at the start of the code in chips/s, and the change of this rate in chips/s².
     if_hz, doppler_rate

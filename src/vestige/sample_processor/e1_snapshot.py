@@ -16,8 +16,8 @@ from an `Acquisition`, and measures in one batch the values that a tracking loop
    periods of E1-B and of E1-C are added coherently over the batch, and the two magnitudes are added. The code phase is
    the delay at which early and late magnitude are equal.
 5. C/N0 of E1-C: from the coherent prompt and the noise of wrong codes, or from the prompts alone (`cn0.py`). The
-   prompts alone have 23 degrees of freedom for the noise, so the estimate has a standard deviation of 0.9 dB. The noise
-   of wrong codes is accurate to 0.01 dB.
+   prompts of 100 ms give 23 complex degrees of freedom for the noise, so estimates from prompts alone have a standard
+   deviation of at least 0.9 dB. The noise of wrong codes is accurate to 0.01 dB.
 
 All values refer to the middle of the measured code periods.
 """

@@ -12,11 +12,11 @@ encrypted E6-C has no repetition. So the primary code of E6-C, found over severa
 secondary code on these periods shows that no other signal was mistaken for E6-C.
 
 The grid of the acquisition is coarse. The nearest point of the grid can be half a sample (0.47 chip at 5.5 MHz) and 250
-Hz away from the signal, where the power is 6 dB lower. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A
-symbol of E6-B lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the
-period and δ the distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T
-around this Doppler. The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T.
-Then the code phase is refined, so that early and late amplitude are equal.
+Hz away from the peak. The power at this point is 6 dB lower than on the peak. So the C/N0 is measured on the peak, as
+on E1 (`e1_snapshot`). A symbol of E6-B lasts one period, so the powers of the periods are added. First the Doppler is
+refined. Let T be the period and δ the distance of the signal from the acquired Doppler. The signal has the amplitudes
+A₊ and A₋ at ±1/2T around this Doppler. The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ −
+A₋)/(A₊ + A₋)/2T. Then the code phase is refined, so that early and late amplitude are equal.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vestige.sample_processor.period_taps import peak_chips, period_taps
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
-OPEN_SHARE = 0.3  # smallest share of the power that the secondary code of open E6-C explains; noise has at most 0.1
+OPEN_SHARE = 0.3  # smallest share of the power that the secondary code of open E6-C explains; 100 ms of noise: 0.1
 _PFA = 1e-6  # probability that noise alone gives an acquisition
 _MIN_PERIODS = 25  # number of periods of 1 ms that are needed to distinguish the 100 phases of the secondary code
 _TRANSFORM = 1024  # number of points of the FFT over the periods, which gives the residual Doppler
@@ -103,8 +103,8 @@ def acquire_e6(
 def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
     """Return the C/N0 of an acquired signal in dBHz at the refined code phase and Doppler; NaN without a whole period.
 
-    The replica and the noise floor are the same as in the correlation of the RECS. So the C/N0 includes the loss of a
-    filter in the front end.
+    The replica has the same pulse as in the correlation of the RECS, and the noise floor is estimated in the same way.
+    So the C/N0 includes the loss of a filter in the front end.
 
     Parameters
     ----------
@@ -163,8 +163,9 @@ def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
     """Return the share of E6-C's power that its secondary code explains, and the code's index in the first period.
 
-    The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` lies between these values.
-    The result is None if the batch has too few periods.
+    The share is 1 for open E6-C without noise. For noise or another secondary code the share is about 0.1 with 100
+    periods, below `OPEN_SHARE`. With 25 periods this share usually exceeds `OPEN_SHARE`. The result is None if the
+    batch has fewer than 25 periods.
 
     Parameters
     ----------

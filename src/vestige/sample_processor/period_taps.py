@@ -1,8 +1,8 @@
 """Correlate every code period of a batch around an acquired code phase, and find the delay of the correlation peak.
 
 The modules `e1_snapshot` and `e6_acquisition` measure E1 and E6 with the functions of this module. An acquisition on E6
-finds the code phase with an error of up to half a sample, which is half a chip at 5.5 MHz. The taps around the acquired
-code phase show how far away the peak is.
+finds the code phase with an error of up to half a sample, which is about half a chip at 5.5 MHz. The taps around the
+acquired code phase show how far away the peak is.
 """
 
 from __future__ import annotations
@@ -94,6 +94,8 @@ def period_taps(
 
 def peak_chips(magnitudes: Float64[np.ndarray, " taps"]) -> float:
     """Return the delay of the peak after the middle tap in chips, at which early and late magnitude are equal.
+
+    If the magnitudes have no such delay, the result is the delay of the tap with the largest magnitude within 0.4 chip.
 
     Parameters
     ----------

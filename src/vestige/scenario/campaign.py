@@ -64,7 +64,7 @@ _LAST_WEEK = 9999  # last week (year 2191) in which a run may start, so that no 
 
 
 class FrontEndTable(Section):
-    """Settings of the E6 front end (`FrontEnd`): no filter without `bandwidth_hz`, and no quantiser without `bits`."""
+    """Settings of the front end (`FrontEnd`): no filter without `bandwidth_hz`, and no quantiser without `bits`."""
 
     bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
     bits: Literal[1, 2, 3, 8] | None = None
@@ -83,11 +83,11 @@ class ReceiverTable(Section):
     Attributes
     ----------
     cn0_dbhz, cn0_e1_dbhz
-        C/N0 in dBHz of E6-C alone, and of E1-C alone.
+        C/N0 in dBHz of E6-C alone, and of E1-C alone; in a scenario with a sky, the C/N0 at the zenith.
     signal
         Whether E6-C is on air. Without E6-C and without attacks, every detection in E6 is false.
     time_uncertainty_s
-        Upper limit of the clock error that the receiver assumes, in s.
+        Upper limit of the clock error in s, as the receiver assumes it.
     clock_offset_s
         Constant difference in s of receiver clock minus Galileo System Time, in addition to the error of `clock`. The
         receiver does not know this offset, which may be larger than `time_uncertainty_s`. The offset is possible only
@@ -98,7 +98,7 @@ class ReceiverTable(Section):
     e1_multipath
         Whether the reflections of `multipath` also disturb E1.
     accelerometers
-        Accelerometers of a receiver with a constellation, for the inertial check.
+        Accelerometers for the inertial check, only in a scenario with a constellation.
     """
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
@@ -129,7 +129,7 @@ class RecsTable(Section):
     """Settings of the RECS: duration, key delay, and number of epochs from one RECS to the next RECS.
 
     `key_delay` is KDI: 0 if the key is sent in the subframe of the RECS, 1 if the key is sent in the next subframe.
-    `cipher_mode` is the AES mode of the encryption, which the service has not published.
+    `cipher_mode` is the AES mode of the encryption; the service has not published the mode.
     """
 
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
@@ -166,7 +166,7 @@ class CampaignScenario(Section):
         Method of the simulation: `samples`, the reference, or `correlators`, which draws correlators from their
         distribution without samples.
     attack
-        Simultaneous attacks, each in a table `[[attack]]`.
+        Attacks, each in a table `[[attack]]`; several attacks may act at the same time.
     constellation, trajectory
         Orbits of the satellites and motion of the receiver, together called a sky. Without these two keys there is a
         single line of sight.

@@ -65,8 +65,9 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
 def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: float = _LONGEST_DELAY_S) -> None:
     """Raise `InconsistentSettingsError` if the error of a free-running clock may exceed `largest_error_s`.
 
-    The default limit is 0.4 s, because samples are matched with a RECS only within 0.5 s. The fidelity `correlators`
-    has no samples, so its limit is `LARGEST_CLOCK_ERROR_S`. A clock model that the user wrote is not checked.
+    The default limit is 0.4 s, because samples are matched with a RECS only within 0.5 s. On a single line of sight the
+    limit of the fidelity `correlators` is `LARGEST_CLOCK_ERROR_S`, because there are no samples. A clock model that the
+    user wrote is not checked.
     """
     if not isinstance(clock, TwoStateClock):
         return
@@ -80,7 +81,10 @@ def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: fl
 
 
 def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
-    """Raise `InconsistentSettingsError` if a jammer has frequencies above half the sampling rate (aliasing)."""
+    """Raise `InconsistentSettingsError` if a jammer would cause aliasing in the E6 front end.
+
+    A jammer causes aliasing if its largest distance from the carrier exceeds half the front end's input rate.
+    """
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
@@ -150,7 +154,10 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
-    """Return the longest delay in s of any spoofing signal, plus a margin for the travel time; 0 without attacks."""
+    """Return the longest delay in s of any spoofing signal, plus a margin; 0 without attacks.
+
+    The margin is for the travel time of the signal and the clock error.
+    """
     delays_s = [
         getattr(attack, "delay_s", 0.0) + extremes(getattr(attack, "range_offset_m", 0.0))[1] / SPEED_OF_LIGHT_MPS
         for attack in attacks

@@ -36,8 +36,10 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     Raises
     ------
     InputFileError
-        If the file is not TOML, has an unknown key, or has a value outside its range. The message gives the position of
-        the error in the file.
+        If the file cannot be read, is not TOML, or does not describe a valid scenario. The message gives the position
+        of the error in the file.
+    VestigeError
+        If a setting cannot be applied to the file.
 
     Examples
     --------

@@ -106,8 +106,8 @@ class StoredScenario(_Part):
 def stored_scenario(text: str) -> StoredScenario:
     """Return the scenario that the results of a campaign contain.
 
-    `text` is the attribute `scenario` of the results, in JSON. Raises `VestigeError` if the text is not the scenario of
-    a campaign.
+    `text` is the attribute `scenario` of the results, in JSON. The function raises `VestigeError` if the text is not a
+    valid scenario of a campaign.
     """
     try:
         return StoredScenario.model_validate_json(text, strict=True)

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-One 64-bit hash of the sample number gives one pair of standard normal numbers by the method of Box and Muller. The
+One 64-bit hash of key and sample number gives one pair of standard normal numbers by the method of Box and Muller. The
 radius r = √(−2 ln U) of a uniform number U uses 31 bits, and an angle within ±π/4 uses 30 bits. Three bits swap sine
 and cosine and set two signs, which extends the angle to the full circle. The loops have no look-ups and no branches, so
 the compiler can use vector instructions. Logarithm, sine and cosine are polynomials, because vector instructions can
@@ -18,8 +18,8 @@ with the chains of other pairs.
     ln(x / 2³¹) = ln(1 + m) + (e − 31) ln 2     x = (1 + m) 2^e, √½ ≤ 1 + m < √2
 
 The polynomials are from Cephes in single precision [CEPHES]. The polynomials use fused multiply-add, so that all
-machines get the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an
-error of 6e-8.
+machines get the same bits. Compared with float64 for the same x and angle in float32, the relative error of the radius
+is at most 1.1e-7, and the errors of sine and cosine are at most 6e-8.
 
 Two keys that differ by a small multiple of GOLD would give shifted copies of one sequence. `noise_key` makes each key
 as a hash, so that two keys do not differ by a small multiple of GOLD.

@@ -10,10 +10,10 @@ arrives by a path without delay. The first L chips arrive before the start. A si
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
 R_c is the chip rate, and f_0 is the radio frequency at 0 Hz in the samples. The Doppler thus affects code and carrier
-alike. A correlator with the start and the Doppler of the signal gives a_r at the delay d_r. A path's own Doppler f_r
-rotates only the phase of the path. The change of the delay d_r by f_r is neglected, because a Doppler of 1 Hz moves the
-delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal, needs its own
-`ReceivedSignal`.
+alike. If a signal has only one path and f_r = 0, a correlator with the start and the Doppler of the signal gives a_r at
+the delay d_r. A path's own Doppler f_r rotates only the phase of the path. The change of the delay d_r by f_r is
+neglected, because a Doppler of 1 Hz moves the delay by only 4 mm in 16 ms. A signal with another range rate, such as a
+spoofing signal, needs its own `ReceivedSignal`.
 
 **Strength.** Noise is complex, white and Gaussian with variance 1 per sample, so N0 is 1/f_s. A component with a given
 C/N0 has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.

@@ -12,7 +12,7 @@ the sum and adds the sum to the samples. An odd number of paths gets another pat
 bit.
 
 No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has equal bits on
-every machine, however the samples are divided at the limits of blocks.
+every machine, even if several calls make the samples, divided at the limits of blocks.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -46,7 +46,10 @@ def _with_ray(sum_re, sum_im, chip, cos, sin, re, im):
 
 @njit(cache=True, nogil=True)
 def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, fresh, s_re, s_im):
-    """Add path number r and then path number r + 1 to the sum of the paths, from sample `first` on."""
+    """Add path number r and then path number r + 1 to the sum of the paths, from sample `first` on.
+
+    If `fresh` is true, the previous sum is replaced.
+    """
     re, im = np.float32(a[r].real), np.float32(a[r].imag)
     re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
     cos_1, sin_1, cos_2, sin_2 = cos[r, first:], sin[r, first:], cos[r + 1, first:], sin[r + 1, first:]

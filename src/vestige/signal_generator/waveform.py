@@ -1,12 +1,12 @@
 """Compute Galileo components as continuous complex functions of time, at any sampling rate [WFO, Sec. V].
 
 At the satellite time t_s, the satellite sends the real function d(t_s) · c(t_s). The symbol is d, and c is the product
-of secondary chip, primary chip and pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD,
-2.3.3].
-All codes and symbols start with the Galileo second, so t_s is counted from a whole second.
+of secondary chip, primary chip and pulse level. In a pilot, c also has a minus sign, because the signal of a band is
+(e_B − e_C)/√2, with the data component e_B and the pilot e_C [OS-ICD, 2.3.3]. All codes and symbols start with the
+Galileo second, so t_s is counted from a whole second.
 
-The signal that arrives at the receiver time t was sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. After the
-mixer with the frequency f_0 the signal is
+The signal that arrives at the receiver time t was sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. In P(t)/c,
+c is the speed of light. After the mixer with the frequency f_0 the signal of amplitude a is
 
     x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
 

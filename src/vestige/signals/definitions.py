@@ -7,11 +7,11 @@
 | E6-B | 125 f0 | 5.115 M | 5115 chips, 1 ms | none | 1000 (C/NAV, HAS) |
 | E6-C | 125 f0 | 5.115 M | 5115 chips, 1 ms | CS100_svid, 100 ms | pilot; encrypted under ACAS |
 
-The fundamental frequency f0 is 10.23 MHz. All codes start with the Galileo second. In each band a satellite sends (e_B
-− e_C)/√2, where e_B and e_C are the signals of the components B and C. So the pilots e_C have a minus sign
-(`SignalDefinition.polarity`). Sources: [OS-ICD, 2.3], [E6-CODES].
+The fundamental frequency f0 is 10.23 MHz. A period of every primary and secondary code begins at each whole second of
+GST. Let e_B and e_C be the components B and C of a band. A satellite sends (e_B − e_C)/√2, so the pilot e_C has a minus
+sign (`SignalDefinition.polarity`). Sources: [OS-ICD, 2.3], [E6-CODES].
 
-The table leaves out E1-A and E6-A, whose PRS is not public, and E5, which is not part of ACAS.
+The table leaves out E1-A and E6-A, whose codes are not public, and E5, which is not part of ACAS.
 """
 
 from __future__ import annotations

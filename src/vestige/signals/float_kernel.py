@@ -1,8 +1,8 @@
-"""Provide float32 operations that numba does not have: the bits of a number, and fused multiply-add.
+"""Provide float32 operations for compiled kernels: conversion to and from bits, and fused multiply-add.
 
 A compiler that may fuse a product and a sum fuses them only on some machines. Without `fma`, the bits of a result would
-therefore depend on the machine. `fma` is fused on every machine. A CPU without an instruction for fused multiply-add
-calls the C library, which is slow but exact.
+therefore depend on the machine. `fma` is fused on every machine. On a CPU without an instruction for fused
+multiply-add, `fma` calls the C library, which is slow but exact.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

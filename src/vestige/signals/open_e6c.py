@@ -1,9 +1,9 @@
 """Decide whether the chips of a RECS belong to the open E6-C code, whose public primary code repeats each millisecond.
 
-E6-C was not encrypted before the service began. RECS made from a recording of unencrypted E6-C (`vestige recs make`)
-test the whole processing. With RECS of the open code, a search for the earliest arrival is meaningless, because equal
-chips arrive again one code period later. The chips that arrived 100 ms earlier, one period of the secondary code, also
-match the RECS.
+E6-C was not encrypted before the service began. A user can test the whole processing with RECS that are made from a
+recording of unencrypted E6-C (`vestige recs make`). With RECS of the open code, a search for the earliest arrival is
+meaningless. The reason is that the chips that arrived 100 ms earlier, one period of the secondary code, also match the
+RECS.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
     ----------
     chips
         int8[n_chips]: chips ±1 in order of transmission. If the chips contain only one code period, this period is
-        compared with the public primary code.
+        compared with the public primary code. If the chips are shorter than a code period, the result is False.
     svid
         SVID of the satellite.
 
@@ -46,5 +46,5 @@ def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
 
 
 def repeated_after_s(chips: Int8[np.ndarray, " n_chips"], svid: int) -> float | None:
-    """Return the time in s after which a satellite sends the same chips again; None if the chips never repeat."""
+    """Return the time in s after which a satellite sends the chips again; None if the chips are not open E6-C code."""
     return SECONDARY_PERIOD_S if is_open_e6c(chips, svid) else None

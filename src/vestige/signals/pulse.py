@@ -109,7 +109,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
     received, replica
         Pulses of the received signal and of the replica.
     delay_chips
-        Delay of the received pulse relative to the replica in chips, positive if later.
+        Delay of the replica relative to the received pulse in chips, positive if later.
 
     Examples
     --------

@@ -1,11 +1,11 @@
 """Compute a table of the carrier over one block of samples, and the carrier's phasor at the middle of the block.
 
 A table for a constant frequency rotates all samples of a block. The phase at the middle of the block, including the
-effect of the Doppler rate, is computed in float64. The table is the product of a few coarse and fine steps, so that a
-table needs 64 sines instead of 1024.
+effect of the Doppler rate, is computed in float64. Each entry of the table is the product of one of 32 coarse steps
+and one of 32 fine steps. So a table needs 64 sines and cosines instead of 1024.
 
-The phasor at the middle of a block is computed with polynomials [CEPHES, double precision]. The polynomials take half
-the time of the C library's functions, and give equal bits on machines with different C libraries.
+The phasor at the middle of a block is computed with polynomials [CEPHES, double precision]. The polynomials take about
+half the time of the C library's functions, and give equal bits on machines with different C libraries.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

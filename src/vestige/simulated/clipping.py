@@ -1,7 +1,8 @@
 """Measure the share of stored numbers that clip, and advise the user how to avoid clipping.
 
-Jamming can exceed the range of a number format: int8 samples clip at 19 dB above the noise. A front end with a gain
-control keeps the samples in range, because the gain decreases when the power rises.
+Jamming can exceed the range of a number format: without a gain control, int8 samples clip if I or Q is more than 19 dB
+above the σ of its noise. A gain control keeps most samples in range, because the gain decreases when the power rises.
+The gain follows the power over 10 ms, so pulses of less than 10 ms can clip.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _FEW_BITS = 3  # largest number of bits for which the outermost levels of a quan
 
 
 def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
-    """Return the largest stored magnitude, to which stronger samples are clipped.
+    """Return the largest positive number that can be stored, to which stronger samples are clipped.
 
     The result is None for number formats that do not clip. The result is also None for quantisers with so few bits that
     the outermost levels are always in use.
@@ -56,7 +57,7 @@ def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int
 
 
 def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
-    """Return a line with the clipped share of each band and advice; return "" if the share is small in both bands.
+    """Return a line with advice and each band's clipped share above 0.1 %; return "" if no share is above 0.1 %.
 
     Parameters
     ----------

@@ -3,11 +3,12 @@
 The test case contains the epochs `first` to `end` − 1. The samples of E1 and E6 are continuous and contain all
 satellites of the scenario (`receiver.samples.continuous`). The test case also contains RECS, group delays, keys, and E1
 observations with the errors that `truth.csv` states. `vestige run` processes the same epochs with the same RECS, keys
-and errors. In a scenario with a constellation, the E6 samples are equal to the samples of the campaign. The E1 samples
-are equal except for the symbols of E1-B. In a scenario with a single line of sight, test case and campaign have
-different noise. The reason is that the campaign makes separate noise for each epoch.
+and errors. In a scenario with a constellation and `fidelity = "samples"`, the E6 samples are equal to the samples of
+the campaign. The E1 samples are equal except for the symbols of E1-B. In a scenario with a single line of sight, test
+case and campaign have different noise. The reason is that the campaign makes separate noise for each epoch.
 
-Truth, samples and files are made in blocks of epochs, so the needed memory does not grow with the number of epochs.
+Truth, samples and files are made in blocks of epochs, so the memory for the truth does not grow with the number of
+epochs.
 """
 
 from __future__ import annotations
@@ -142,13 +143,13 @@ class AcasTestCase:
 
     @cached_property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample, which is after the end of every spoofing signal."""
+        """Time in s from the last epoch to the last sample, long enough for the last RECS in every spoofing signal."""
         epochs = self.scenario.interval_s, self.first, self.end
         return max(tail_after_s(one, *epochs) for one in self.scenario.simulations)
 
     @cached_property
     def osnma_receiver(self) -> OsnmaReceiver | None:
-        """OSNMA receiver that has received all pages; None without OSNMA events, where every key is received."""
+        """OSNMA receiver that has received all pages; None without OSNMA events, or without E1-B messages."""
         if self.message is None or not self.simulation.osnma.events:
             return None
         receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
@@ -211,13 +212,13 @@ class AcasTestCase:
         return self.simulation.osnma_operator()
 
     def assistance(self) -> Assistance:
-        """Return RECS and group delays of all satellites, and the keys."""
+        """Return RECS and group delays of all satellites, the received keys, and the predicted ionospheric delays."""
         each = [self.segments_of(one) for one in self.scenario.simulations]
         segments = tuple(segment for same_time in zip(*each, strict=True) for segment in same_time)
         return replace(self.assistance_without_recs(), segments=segments)
 
     def assistance_without_recs(self) -> Assistance:
-        """Return group delays and keys without RECS, because the RECS of a recording of hours need much memory."""
+        """Return the assistance without RECS, because the RECS of a recording of hours need much memory."""
         simulation, numbers = self.simulation, self._recs_numbers
         if not numbers:
             raise VestigeError(
@@ -260,7 +261,7 @@ class AcasTestCase:
 
 
 def _check_motion(blocks: Iterator[ExportedSatellite], epochs: str) -> None:
-    """Raise `VestigeError` if a satellite has an impossible range or range rate in any block of epochs."""
+    """Raise `VestigeError` if a travel time is outside 30 to 140 ms, or a range rate is above 10 km/s."""
     travels_s, rates_mps = [], []
     for one in blocks:
         travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)

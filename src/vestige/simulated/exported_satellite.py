@@ -45,7 +45,7 @@ class ExportedSatellite:
 
     @property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample, which is after the end of every spoofing signal."""
+        """Time in s from the last epoch to the last sample, long enough for the last RECS in every spoofing signal."""
         return tail_after_s(self.simulation, self.interval_s, self.first, self.end)
 
     def blocks(self, n_epochs: int) -> Iterator[ExportedSatellite]:
@@ -82,7 +82,7 @@ class ExportedSatellite:
 
     @cached_property
     def bgd_s(self) -> float:
-        """BGD(E1,E6) in s that the satellite broadcasts; `bias_m` of the truth is the remaining error of this BGD."""
+        """BGD(E1,E6) in s that the satellite broadcasts; `bias_m` of the truth contains the error of this BGD."""
         return broadcast_group_delay_s(self.simulation.seed, self.svid)
 
     @cached_property
@@ -97,12 +97,12 @@ class ExportedSatellite:
 
     @cached_property
     def e1_error_m(self) -> Float[np.ndarray, " n"]:
-        """Error of the E1 pseudorange at the epochs, in m."""
+        """Error of the E1 pseudorange at the epochs in m, from noise, multipath and attacks."""
         return self.truth.e1_noise_m + self.simulation.e1_multipath_m(self.truth) + self.truth.e1.error_m
 
     @property
     def range_offset_m(self) -> Float[np.ndarray, " n"]:
-        """E6 range minus its prediction from E1 at the epochs in m, without multipath and noise on E6."""
+        """E6 range minus its prediction from E1 at the epochs in m, without multipath, noise and attacks on E6."""
         return self.truth.iono_diff_m + self.truth.bias_m - self.e1_error_m
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
@@ -113,15 +113,15 @@ class ExportedSatellite:
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:
-        """E1 observations at the time tag of each epoch, 86 ms after transmission.
+        """E1 observations at the time tag of each epoch, which is 86 ms after the epoch.
 
         The entry of an epoch is None if the satellite is below the mask, or the receiver has no lock or is still
         acquiring. The entry is also None while the receiver follows a spoofing signal with a delay of 0.1 s or more.
-        The reason is that the time of a receiver with this delay differs from the time of the samples.
+        The reason is that the clock of the receiver then follows the delay, but the time of the samples does not.
 
-        An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent up
-        to 15 ms before or after the epoch. So the delay at the epoch is corrected by the rate of the delay times the
-        time between epoch and transmission.
+        An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent
+        some milliseconds before or after the epoch. So the delay at the epoch is corrected by the rate of the delay
+        times the time between epoch and transmission.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = self.tag_s
@@ -200,7 +200,7 @@ class ExportedSatellite:
 
 
 def tail_after_s(simulation: Simulation, interval_s: float, first: int, end: int) -> float:
-    """Return the time in s from the last transmission to the last sample, which is after all spoofing signals.
+    """Return the time in s from the last epoch to the last sample, enough for the last RECS in every spoofing signal.
 
     The time is for the satellite of `simulation` and the epochs `first` to `end` − 1, which are `interval_s` apart.
     """

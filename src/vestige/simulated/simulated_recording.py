@@ -127,14 +127,14 @@ class SimulatedRecording:
             Band of the samples, or two bands in the order in which their samples alternate.
         write
             Function that takes the samples as bytes: little-endian numbers with I before Q. While this function waits,
-            at most eight batches of about 10 ms are made.
+            at most eight batches of about 10 ms are made for each band.
         component
             Number type of I and of Q.
         workers
             Number of threads that make samples; the samples do not depend on this number.
         progress
-            Function that is called with a text that names the bands, the number of written samples of each band, and
-            the number of all samples of each band.
+            Function that is called with three values: a text that names the bands, the number of written samples of
+            each band, and the number of all samples of each band.
         warn
             Function that is called with one line at the end if more than 0.1 % of the numbers of a band clip.
 
@@ -228,18 +228,19 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on this number.
         progress
-            Function that is called with a text that names the band, the number of written samples, and the number of
-            all samples.
+            Function that is called with three values: a text that names the band, the number of written samples, and
+            the number of all samples.
         say
-            Function that is called with a line of text if a recording is continued. For a long recording, the function
-            is also called before message, truth and assistance are written.
+            Function that is called with a line of text if a recording is continued. For a recording of more than 900 s,
+            the function is also called before message, truth and assistance are written.
         warn
             Function that is called with one line at the end if more than 0.1 % of the numbers of a band clip.
 
         Raises
         ------
         InputFileError
-            If `folder` exists, another process writes this folder, or a killed process left another recording.
+            If `folder` exists, lies in the results of a campaign, or is being written by another process. If a killed
+            process left another recording, or if another user could have prepared the hidden folder.
         UnsupportedError
             If one of the receivers `exports` cannot read the samples; in this case nothing is written.
         VestigeError

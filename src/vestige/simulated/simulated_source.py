@@ -65,9 +65,9 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
     Raises
     ------
     InputFileError
-        If the file does not describe a scenario.
+        If the file cannot be read or does not describe a valid scenario.
     VestigeError
-        If the scenario is not a campaign.
+        If the scenario of the file is not a campaign.
     ValueError
         If `block_epochs` is less than 1.
 

@@ -1,8 +1,8 @@
-"""Simulate a forgery with a disclosed key: past E6-C chips, which are made after the OSNMA key of their RECS is public.
+"""Simulate a forgery with a disclosed key: E6-C chips are sent again after the OSNMA key of their RECS is public.
 
 The RECS is public before its signal is on air, and the key is public after this signal. After the disclosure, an
-attacker with RECS and key can decrypt the RECS. The attacker can then transmit the true chips, without noise and with
-any delay. So a receiver must prove that its samples are older than the disclosure of the key
+attacker with RECS and key can decrypt the RECS. The attacker can then transmit the true chips without noise, at any
+later time. So a receiver must prove that its samples are older than the disclosure of the key
 (`crypto/osnma/disclosure.py`). Only the receiver's own clock can prove the age of the samples.
 """
 
@@ -43,14 +43,14 @@ class ForgeryAfterDisclosure(CheckedAttack):
     power_db
         Power of the spoofing signal relative to the true signal in dB.
     range_offset_m
-        Delay in m in addition to `delay_s` for the satellites in `svids`; negative for a shorter range.
+        Delay in m in addition to `delay_s`; negative for a shorter range.
     acquired
         Whether the receiver acquires E1 again when the attack begins, because the receiver was off or jammed before.
 
     Raises
     ------
     ValueError
-        If the delay or the range is outside its limits.
+        If `delay_s`, `range_offset_m`, `power_db`, a time or an SVID is outside its limits, or an SVID is named twice.
     """
 
     delay_s: float
@@ -73,6 +73,6 @@ class ForgeryAfterDisclosure(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal:
-        """Return the spoofing signal of a satellite in a band, `delay_s` later than the true signal."""
+        """Return the spoofing signal of a satellite in a band, which has the delay `delay_s` plus `range_offset_m`."""
         made = delayed(self, band, times_s, delay_m=self.range_offset_m, power_db=self.power_db, phase=COHERENT)
         return replace(made, delay_m=made.delay_m + self.delay_s * SPEED_OF_LIGHT_MPS)

@@ -1,8 +1,8 @@
 """Define the interface of every attack: its times, its satellites, and its effect on each band.
 
-An attack adds noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. A spoofing
-signal is described relative to the true signal of its satellite in the same band. The effects depend only on time,
-because an attack has no memory and no random numbers. Times are in s after the scenario's start.
+An attack can add noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. A spoofing
+signal is described relative to the true signal of its satellite in the same band. The delay, power and phase of a
+spoofing signal depend only on time, because an attack has no memory. Times are in s after the scenario's start.
 
 **Assumption 2** [WFO, Sec. II] says that the true encrypted signal is always present and always comes first. An attack
 that violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
@@ -175,7 +175,7 @@ def delayed(
 
 
 def check_delay(key: str, delay_m: AnyProfile | float) -> None:
-    """Raise `SettingError` if a delay is outside −1 ms to 60 s, or changes by more than 10 km/s."""
+    """Raise `SettingError` if a delay is outside −300 km (about −1 ms) to 60 s, or changes by more than 10 km/s."""
     low_m, high_m = extremes(delay_m)
     if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
         latest_m = MAX_DELAY_S * SPEED_OF_LIGHT_MPS

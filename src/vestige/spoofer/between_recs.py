@@ -32,7 +32,7 @@ class BetweenRecs(CheckedAttack):
     Attributes
     ----------
     top_m
-        Largest delay of the spoofing signal relative to the true signal in m.
+        Delay of the spoofing signal relative to the true signal in m, halfway between two RECS.
     power_db
         Power of the spoofing signal in dB relative to the true signal while the attack is on.
     period_s, first_recs_s

@@ -62,12 +62,12 @@ class Jam(CheckedAttack):
 class OsnmaDenial(CheckedAttack):
     """White noise on E1 that permits tracking, but destroys OSNMA pages.
 
-    A key that is on air during the attack is not received, so RECS with this key cannot be decrypted.
+    In a campaign, a key that is on air during the attack is lost, so RECS with this key cannot be decrypted.
 
     Attributes
     ----------
     j_over_n_db
-        Added noise density over N0 in dB. About 10 dB of noise reduce a C/N0 of 37 dBHz to 27 dBHz.
+        Added noise density over N0 in dB. Noise of 10 dB reduces a C/N0 of 37 dBHz to about 27 dBHz.
     """
 
     j_over_n_db: Profile = 10.0

@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 A correlator multiplies the samples by random chips c and integrates over a time T, much longer than a chip. Each output
-is a sum over many chips, so the output is Gaussian. For a jammer of spectral density S_J, the covariance of the outputs
-at the delays d_i and d_k is
+is a sum over many chips, so the output is almost Gaussian. For a jammer of spectral density S_J, the covariance of the
+outputs at the delays d_i and d_k is
 
     C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
 

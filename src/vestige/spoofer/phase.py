@@ -5,9 +5,9 @@
     coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a cycle per wavelength of delay
 
 Let η be the power of the spoofing signal relative to the true signal, τ the delay of the spoofing signal, and R the
-autocorrelation of the code. A correlator at the delay of the true signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the
-phase decides whether the signals cancel or reinforce each other. If the delay of a locked or slipping spoofing signal
-changes, its code and carrier diverge.
+autocorrelation of the code. If the true signal alone gives the amplitude 1, a correlator at the delay of the true
+signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the phase decides whether the signals cancel or reinforce each other.
+The phase of a locked or slipping spoofing signal does not follow its delay, so its code and carrier can diverge.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ _HEADER = "time_s,value"
 def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the times in s and the values of a profile from a CSV file.
 
-    The function raises `InputFileError` if the file has another format, fewer than two points, a number that is not
-    finite, or times that do not ascend.
+    The function raises `InputFileError` if the file cannot be read, or has another format, fewer than two points, a
+    number that is not finite, or times that do not ascend.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]

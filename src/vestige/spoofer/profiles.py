@@ -126,7 +126,7 @@ class Sine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trapezoid:
-    """Profile that rises to a plateau and returns.
+    """Profile that goes from a base value to a plateau and back.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
 """Simulate attacks with spoofing signals: lift-off attacks, meaconing, forgery and nulling.
 
-E1 codes are public, so the attacker generates the spoofing signal on E1. E6-C is encrypted, so the attacker has to
-repeat the true signal on E6, with the noise of the attacker's own reception. Let the spoofing signal at the victim have
-η times the power of the true signal. Let the attacker's C/N0 be G times the victim's C/N0. The density of the repeated
-noise at the victim is
+E1 codes are public, so an attacker can generate the spoofing signal on E1. E6-C is encrypted, so lift-off attacks and
+meaconing repeat the true signal on E6, with the noise of the attacker's own reception. Let the spoofing signal at the
+victim have η times the power of the true signal. Let the attacker's C/N0 be G times the victim's C/N0. The density of
+the repeated noise at the victim is
 
     N_repeated / N0 = η / G
 
@@ -75,7 +75,7 @@ class _LiftOffAttack(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of the repeated noise on E6, divided by N0."""
+        """Return the density of the repeated noise in a band, divided by N0; 0 on E1."""
         if band is Band.E1 or band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -85,8 +85,8 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the attack has no effect on E6. With `bands = ["E1", "E6"]` the attack is zero-delay meaconing
-    of the two bands.
+    With `bands = ["E1"]` the attack has no effect on E6. With `bands = ["E1", "E6"]` the attack is the zero-delay
+    meaconing of [WFO].
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -181,7 +181,8 @@ class Meaconing(CheckedAttack):
     Attributes
     ----------
     delay_s
-        Delay from reception to transmission in s, from a fraction of a microsecond (repeater) to seconds (recorder).
+        Delay from reception to transmission in s, 0 to 60: a fraction of a microsecond for a repeater, or seconds for
+        a recorder.
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
         a victim computes the position of the antenna [WFO, Sec. II]. This option needs a constellation and a

@@ -1,8 +1,8 @@
 """Simulate security code estimation and replay (SCER): the attacker estimates symbols of E1-B and chips of E6-C.
 
-`vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording, the attacker estimates each
-E1-B chip from the part of its symbol that is already received. Hard decisions give the sign of a chip, and soft
-decisions give the sign and the amplitude.
+`vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording with hard or soft decisions on
+E1-B, the attacker renews the estimate of a symbol with each chip that is received. A hard decision is a sign, and a
+soft decision is a sign with an amplitude.
 
 **Noise on E6.** The simulated E6 spoofing signals have the true chips. The errors of the estimates are added as white
 noise. The attacker estimates the chips of each satellite separately. So the errors of two satellites are independent,
@@ -14,7 +14,7 @@ and the powers of the errors add:
 is the energy of a chip at the victim. ρ_i² is the share of the power of the estimates that correlates with the true
 chips of satellite i. All satellites are received with one front end, so the noise of this sum affects every satellite.
 The sum of independent Gaussian noises is Gaussian noise with the sum of the powers. So a single sequence of noise
-simulates the errors of all satellites exactly. Each term is the noise density after a correlator whose chips begin
+simulates the errors of all satellites. Each term is the noise density after a correlator whose chips begin
 together with the estimated chips. In a correlator whose chips begin at another time, the density is 0.5 to 1 times the
 term, and 2/3 on average. So the sum is an upper limit of the noise in a real receiver.
 
@@ -52,8 +52,8 @@ class Scer(CheckedAttack):
     """Security code estimation and replay of E1-B symbols, with chips of E6-C that are repeated or estimated.
 
     The attacker estimates each E1-B symbol from its first part and transmits code and symbol on time. E6-C chips are
-    below the noise (−22 dB at 45 dBHz), and the attacker knows no chip before its end. So the spoofing signal on E6
-    comes `e6_lag_m` later than the spoofing signal on E1.
+    below the noise (Ec/N0 = −22 dB at 45 dBHz), and the attacker knows no chip before its end. So the spoofing signal
+    on E6 comes `e6_lag_m` later than the spoofing signal on E1.
 
     Attributes
     ----------
@@ -70,8 +70,8 @@ class Scer(CheckedAttack):
         on each chip.
     symbols
         Symbols of E1-B that the attacker transmits: `known` from the beginning of a symbol on, or `hard` or `soft`
-        decisions while the symbol is received. This key affects only recordings, because campaigns do not simulate
-        E1-B.
+        decisions while the symbol is received. This key is meant for recordings, because no receiver of a campaign
+        decodes the symbols.
     victim_cn0_dbhz
         C/N0 of E6-C and of E1-B in dBHz with the victim's antenna. This C/N0 and G determine the quality of the
         attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each
@@ -111,7 +111,7 @@ class Scer(CheckedAttack):
     def attacker_cn0_dbhz(self) -> float:
         """C/N0 of the attacker's reception in dBHz.
 
-        The function raises `ValueError` if `victim_cn0_dbhz` is `received`; `against` replaces `received` by a number.
+        The property raises `ValueError` if `victim_cn0_dbhz` is `received`; `against` replaces `received` by a number.
         """
         return self._victim_dbhz + self.reception_gain_db
 
@@ -142,7 +142,7 @@ class Scer(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the noise density over N0 on E6, from the attacker's reception or from the decisions on chips."""
+        """Return the noise density over N0: 0 on E1; on E6 from the attacker's reception or decisions on chips."""
         if band is Band.E1:
             return np.zeros(times_s.shape)
         if self.chips == "repeated":
@@ -156,11 +156,11 @@ class Scer(CheckedAttack):
         return estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return how much of a symbol, in s, the attacker has received when transmission begins, at each epoch."""
+        """Return the received part of a symbol in s when its transmission begins; negative before reception begins."""
         return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return E1-B with the symbols that the attacker estimates, chip by chip; other components are unchanged."""
+        """Return E1-B with symbols estimated chip by chip; known symbols and other components do not change."""
         if self.symbols == "known" or component.signal is not E1B or component.symbol is None:
             return component
         key = np.uint64(int.from_bytes(stream_key(seed, "symbols that an attacker estimates", svid)[:8], "little"))

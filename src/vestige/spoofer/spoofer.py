@@ -6,12 +6,12 @@
 | `LiftOff` | spoofing signal | spoofing signal, repeated noise |
 | `PositionPush`, `TimePush` | lift-off of some satellites, or of all satellites | as on E1, with repeated noise |
 | `Meaconing` | spoofing signal, repeated noise | spoofing signal, repeated noise |
-| `Scer` | spoofing signal with estimated symbols | spoofing signal one chip later, repeated noise or chip errors |
+| `Scer` | spoofing signal, symbols may be estimated | spoofing signal later than on E1, repeated noise or chip errors |
 | `BetweenRecs` | lift-off and return between two RECS | lift-off and return between two RECS |
-| `Nulling` | opposite signal | outside Assumption 2 |
-| `Forgery` | – | invented chips |
-| `ForgeryAfterDisclosure` | spoofing signal, later than the key | spoofing signal, later than the key of its RECS |
-| `Jam` | waveform | waveform |
+| `Nulling` | opposite signal | opposite signal (outside Assumption 2) |
+| `Forgery` | – | spoofing signal with invented chips |
+| `ForgeryAfterDisclosure` | spoofing signal, as late as on E6 | spoofing signal, later than the key of its RECS |
+| `Jam` | jamming waveform | jamming waveform |
 | `OsnmaDenial` | white noise, keys are lost | – |
 """
 
@@ -90,7 +90,7 @@ class BandEffects:
 
     @property
     def amplitude(self) -> Complex128[np.ndarray, "n k"]:
-        """Complex amplitude √η e^{jφ} of every spoofing signal."""
+        """Complex amplitude √η e^{jφ} of every spoofing signal at each epoch, relative to the true signal."""
         return 10 ** (self.power_db / 20) * np.exp(1j * self.phase_rad)
 
     def rise(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -140,7 +140,7 @@ class Spoofer:
     ) -> Bool[np.ndarray, " n"]:
         """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire a satellite again.
 
-        An attack whose spoofing signal on E1 has no power does not make the receiver acquire again.
+        An attack whose spoofing signal on E1 has no power at `until_s` does not make the receiver acquire again.
         """
         anew = np.zeros(until_s.shape, bool)
         for attack in self.attacks:

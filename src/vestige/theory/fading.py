@@ -10,8 +10,9 @@ amplitude A and the variance s² = 1 + A² P/2 per dimension:
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
 γ is the detection threshold, and Q₁ is the Marcum Q function of order 1. C/N0 refers to the direct signal. A real
-reflection is delayed, so only a part of its power reaches the correlator of the direct signal. The average is therefore
-an upper limit of the probability of a miss. With P = 0 the formula gives `miss_probability` of `thresholds`.
+reflection is delayed, so only a part of its power reaches the correlator of the direct signal. For a direct signal well
+above the threshold and weak reflections, the average is therefore an upper limit of the probability of a miss. With P =
+0 the formula gives `miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
 
     Examples
     --------
-    For a satellite at 33 dBHz and a RECS of 16 ms, reflections multiply the probability of a miss by four:
+    For a satellite at 33 dBHz and a RECS of 16 ms, reflections of −15.8 dB multiply the probability of a miss by about
+    four:
 
     >>> f"{faded_miss_probability(33.0, 0.016, 1e-7, -15.8):.3f}"
     '0.035'

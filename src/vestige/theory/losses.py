@@ -2,11 +2,12 @@
 
 Theory of operation
 -------------------
-An error τ of the code offset, in chips, multiplies the amplitude of a coherent correlator by the triangle R(τ). A
-frequency error f multiplies the amplitude by sinc(f T_I), where T_I is the integration time. On a grid of step Δ the
-error is at most Δ/2. The mean loss is the loss of the mean *power* over all errors, which are uniformly distributed. An
-uncompensated acceleration makes the phase a parabola over T_I. An uncompensated code Doppler moves the replica by D
-chips over T_I, from −D/2 to D/2. The mean of the triangle over this interval is therefore 1 − D/4.
+An error τ of the code offset, in chips, multiplies the amplitude of a coherent correlator by the triangle R(τ) = 1 −
+|τ|. A frequency error f multiplies the amplitude by sinc(f T_I), where T_I is the integration time. On a grid of step Δ
+the error is at most Δ/2. The mean loss is the loss of the mean *power* over all errors, which are uniformly
+distributed. An uncompensated acceleration makes the phase a parabola over T_I. An uncompensated code Doppler moves the
+signal by D chips relative to the replica over T_I, from −D/2 to D/2. The mean of the triangle over this interval is
+therefore 1 − D/4.
 
 A positive number is a loss. [WFO] leaves out all these effects.
 """
@@ -51,7 +52,7 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> float:
-    """Return the loss in dB by an acceleration along the line of sight.
+    """Return the loss in dB on E6 by an uncompensated acceleration along the line of sight.
 
     The frequency of the replica is correct in the middle of the integration.
     """
@@ -61,15 +62,16 @@ def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> floa
 
 
 def code_doppler_loss_db(doppler_hz: float, integration_s: float) -> float:
-    """Return the loss in dB by a replica without code Doppler, which is aligned in the middle of the integration."""
+    """Return the loss in dB by an E6-C replica without code Doppler, aligned in the middle of the integration."""
     slide_chips = abs(doppler_hz) / E6C.carrier_hz * E6C.chip_rate_hz * integration_s
     return -20 * float(np.log10(1 - slide_chips / 4))
 
 
 def front_end_loss_db(bandwidth_hz: float) -> float:
-    """Return the loss in dB by an ideal front-end filter with a two-sided bandwidth, for an unfiltered replica.
+    """Return the loss of E6-C in dB by an ideal front-end filter, for an unfiltered replica.
 
-    The loss follows from the share of the power that passes the filter.
+    `bandwidth_hz` is the two-sided bandwidth of the filter. The loss follows from the share of the power that passes
+    the filter.
     """
     passed = band_limited_autocorrelation(
         E6C.pulse, np.zeros(1), chip_rate_hz=E6C.chip_rate_hz, bandwidth_hz=bandwidth_hz
@@ -80,8 +82,9 @@ def front_end_loss_db(bandwidth_hz: float) -> float:
 def quantisation_loss_db(bits: int) -> float:
     """Return the loss in dB at low C/N0 by a quantiser of 1 bit (sign) or 2 bits (levels ±1, ±3 with the best step).
 
-    Let v be the step in σ, Φ = erf(v/√2) the share of the inner levels, and E = e^{-v²/2}. The efficiency of 2 bits is
-    (2/π) (1 + 2E)² / (Φ + 9 (1 − Φ)). The efficiency of a single bit is 2/π.
+    Let v be the step in σ of the samples, Φ = erf(v/√2) the share of the samples at the inner levels ±1, and E =
+    e^{-v²/2}. With 2 bits, the share (2/π) (1 + 2E)² / (Φ + 9 (1 − Φ)) of the C/N0 remains. With a single bit, the
+    share 2/π remains.
     """
     if bits not in {1, 2}:
         raise ValueError(f"the loss is known for 1 and 2 bits, found {bits}")

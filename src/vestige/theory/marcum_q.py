@@ -11,8 +11,9 @@ of the sum has the density f, whose tails are Q_K and P_K:
 Authentication needs small tails, such as a false-alarm probability of 1e-14 or a miss probability of 1e-12. For small
 tails `1 − cdf` has no correct digits, and `scipy.special` has the lower tail only. The integrand is positive and
 smooth, with one maximum near μ = √(a² + 2K − 1) and a width of about 1. Away from μ the integrand decreases at least as
-fast as a Gaussian. So the smaller tail is a Gauss-Legendre sum of positive terms over an interval with the limit b. The
-interval contains all but e^{-45} of the tail. No terms cancel, and the larger tail is 1 minus the smaller tail.
+fast as a Gaussian. So the smaller tail is a Gauss-Legendre sum of positive terms over an interval that begins or ends
+at b. The interval contains all but about e^{-45} of the tail. No terms cancel, and the larger tail is 1 minus the
+smaller tail.
 
 For tails above 1e-250, the relative error of a tail is below 1e-12 for K = 1, and below 1e-11 for K ≤ 100.
 """
@@ -35,7 +36,7 @@ _MAX_ORDER = 1000  # largest order; at much higher orders `ive` underflows for z
 
 
 def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
-    """Return Q_K(a, b): the probability that a signal of amplitude a exceeds the threshold b.
+    """Return Q_K(a, b): the probability that a signal of amplitude a with its noise exceeds the threshold b.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
 
 
 def marcum_p(a: Reals, b: Real, order: int = 1) -> Reals:
-    """Return P_K(a, b) = 1 − Q_K(a, b): the probability that a signal of amplitude a stays below the threshold b.
+    """Return P_K(a, b) = 1 − Q_K(a, b): the probability that a signal of amplitude a with its noise stays below b.
 
     The parameters are the parameters of `marcum_q`.
     """

@@ -2,8 +2,9 @@
 
 This file contains the paper's own inputs and its printed digits. A number agrees if its rounded value has the printed
 digits. If a number does not agree, a remark gives the reason, usually with the number of the erratum (E1, E2, …;
-docs/paper_map.md). Rows 1 to 37 are in the order of the paper. A row that is named after an erratum, such as E1, has
-numbers that belong to this erratum. The row `omitted` has the sizes of effects that the paper's theory leaves out.
+docs/paper_map.md). Rows 1 to 37 are in the order of the paper's sections II to VI. A row that is named after an
+erratum, such as E1, has numbers that belong to this erratum. The row `omitted` has the sizes of effects that the
+paper's theory leaves out.
 `NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
 """
 
@@ -76,7 +77,7 @@ class PaperQuantity:
 
     @property
     def agrees(self) -> bool:
-        """Whether the value rounds to the printed digits."""
+        """Whether the value rounds to the printed digits, or the paper prints no value."""
         if not self.printed:
             return True
         printed = Decimal(self.printed)

@@ -14,16 +14,16 @@ Let all three taps lie on a triangle with flanks of slope a per metre. Let the p
 Then c_p = 1 − aδ, c_l = 1 − a(Δ−δ), and c_e = 1 − a(Δ+δ). So c_l − c_e is 2aδ, and c_p − c_e is aΔ. Therefore δ is
 ½ Δ (c_l − c_e)/(c_p − c_e), as in the formula for τ.
 
-The formula is exact for an unfiltered signal if Δ + |δ| is at most one chip. So for Δ ≤ 2/3 chip the formula is exact
-for every |δ| ≤ Δ/2.
+The formula is exact for an unfiltered signal without noise if |δ| ≤ Δ/2 and Δ + |δ| is at most one chip. So for Δ ≤ 2/3
+chip the formula is exact for every |δ| ≤ Δ/2.
 
 [WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with the ½ and
 the sign. The evidence is the cluster of early detections at −30 m + ½·15 m = −22.5 m.
 
-The distance |τ − τ_p| never exceeds Δ/2. The first n and the last n taps of the bank of correlators are never punctual.
-With the maximum detector, only an outer tap among the first n or the last n taps can be higher than the punctual tap.
-If an outer tap is higher, τ is the middle between the punctual tap and the higher outer tap. If all three taps are
-equal, τ is τ_p.
+The distance |τ − τ_p| never exceeds Δ/2. The outer taps are n taps from the punctual tap, so the first n and the last n
+taps of the bank of correlators are never punctual. With the maximum detector, only an outer tap among the first n or
+the last n taps can be higher than the punctual tap. If the higher outer tap is higher than the punctual tap, τ is the
+middle between these two taps. If the outer taps are equal, τ is τ_p.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def range_offset_m(
     or −1 without a detection. `offsets_m` are the offsets of the taps from the predicted range, ascending and
     equidistant.
 
-    The function raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
+    The function raises `ValueError` if the offsets do not ascend in equal steps, if there are at most 2n taps, or if a
+    punctual tap lacks an outer tap.
     """
     step_m = np.diff(offsets_m)
     if not (step_m.size and step_m[0] > 0 and np.allclose(step_m, step_m[0], rtol=_EQUIDISTANT, atol=0)):

@@ -13,10 +13,11 @@ distribution of z₁ for a given z is
     P(miss | |z| = S) = P₁(ρ S/√(1−ρ²), t/√(1−ρ²))
 
 A cell far above the threshold is thus almost never lost. The probability of a miss depends only on S, and not on the
-C/N0. With t = ρ g − k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f is
-a compromise between the loss and the computing time. The share e^{−t²/2} of the cells without a signal passes the
-screen. The search uses f = ¾ and k = 2, so ρ is ¾. A screen with f = 9/16 that does not add two outputs also has ρ = ¾,
-but needs 50 % more additions.
+C/N0. For a cell just at the threshold, the mean of z₁ has the magnitude ρ g, and z₁ has the standard deviation √(1−ρ²)
+per dimension. With t = ρ g − k √(1−ρ²), this magnitude is k standard deviations above t. The choice of k and f is a
+compromise between the loss and the computing time. The share e^{−t²/2} of the screen's sums without a signal exceeds t.
+The search uses f = ¾ and k = 2, so ρ is ¾. A screen with f = 9/16 that does not add two outputs also has ρ = ¾, but
+needs 50 % more additions.
 
 The loss at a C/N0 is the mean of the probability of a miss over all S > g. The mean is computed for the strongest cell,
 over all positions of the signal between the points of the grid. Three effects change the amplitude of the signal in z₁:
@@ -74,7 +75,7 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
         False-alarm probability of a single test of the search.
     segment_cycles
         Number of carrier cycles in a segment of the screen at the largest Doppler. The Doppler is uniformly
-        distributed.
+        distributed between zero and the largest Doppler.
 
     Examples
     --------

@@ -2,8 +2,8 @@
 
 In the paper's theory the signal is on a grid point. In a real search the signal lies anywhere between the points of the
 grid. A step of half a chip loses up to 2.5 dB, and 1.1 dB on average. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3
-dB on average (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is
-below the P_d that the paper's theory gives.
+dB on average (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. This average is below the
+P_d that the paper's theory gives for the same C/N0.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """Detection budget of a search, which vestige prints before the search starts."""
+    """Detection budget of a search: false-alarm probabilities, threshold, required C/N0 and loss by the grid."""
 
     hypotheses: float
-    independent: float  # number of independent tests that give as many false alarms as the N hypotheses
+    independent: float  # number of independent tests with the same P_FA as the N hypotheses
     pfa_overall: float  # false-alarm probability of the whole search
     pfa: float  # false-alarm probability of a single test
     threshold: float  # threshold on the magnitude, in standard deviations of the noise per dimension
@@ -48,9 +48,9 @@ def search_budget(
 
     `overall_pfa` is the probability that noise alone exceeds the threshold in any test. The noise of neighbouring tests
     has the correlation ½ in code offset, and 2/π in Doppler. `correlated_neighbours` reduces N to the number of
-    independent tests that give as many false alarms. For a time uncertainty of 30 s, the threshold without this
-    reduction is too high by less than 0.0001 dB. `doppler_step_hz` is the distance of the Doppler bins, by default 1/(2
-    T_I). The distance 0 means a known Doppler.
+    independent tests with the same P_FA. In an exhaustive search with a time uncertainty of 30 s, the threshold without
+    this reduction is too high by less than 0.0001 dB. `doppler_step_hz` is the distance of the Doppler bins, by default
+    1/(2 T_I). The distance 0 means a known Doppler.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)

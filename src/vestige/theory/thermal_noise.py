@@ -10,9 +10,9 @@ early-late spacing in s. B_L is the one-sided loop bandwidth in Hz, and T is the
     dot-product DLL, Re((L − E) P*) in place of |L|² − |E|²: the last factor is 1 + 1 / (T (C/N0) I{S})
     one snapshot        σ² ≥ 1 / (8π² (C/N0) T I{f²S})              Cramér-Rao bound
 
-The range from a snapshot has far more noise than the range from a tracking loop. At 35 dBHz, the range from a loop of 1
-Hz has a standard deviation of 0.4 to 1 m. The smallest possible standard deviation of a range from 16 ms of E6 is 2.1 m
-within 20.46 MHz. The range from three taps 15 m apart has a standard deviation of 2.5 m.
+The E6 range from a snapshot has more noise than the E1 range from a tracking loop. At 35 dBHz, the range from a loop of
+1 Hz has a standard deviation of 0.4 to 1 m. The smallest possible standard deviation of a range from 16 ms of E6 is 2.1
+m with a bandwidth of 20.46 MHz. The range from three taps 15 m apart has a standard deviation of 2.5 m.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ The conversions between P_FA and P_fa use log1p and expm1. The printed formula 1
 floating point and gives the paper's 4.16e-14 instead of 4.17e-14.
 
 The first argument of every function is a number or an array. The result has the shape of the first argument. Other
-arguments are numbers.
+arguments are numbers. Only `correlator_amplitude` also accepts an array of integration times.
 """
 
 from __future__ import annotations
@@ -137,8 +137,8 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
     """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
 
-    This P_d is a reference for the strongest fading, because a Rayleigh distributed signal has no direct path. The
-    parameters are the parameters of `probability_of_detection`. `cn0_dbhz` is the mean C/N0 in dBHz.
+    This P_d is a reference for the strongest fading, because a Rayleigh distributed signal has no direct path.
+    `integration_s` and `pfa` are the parameters of `probability_of_detection`. `cn0_dbhz` is the mean C/N0 in dBHz.
     """
     _check(pfa)
     return pfa ** (1.0 / (1.0 + correlator_amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))

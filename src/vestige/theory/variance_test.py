@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-The sum of squares T of n residuals of variance 1 has the distribution χ²(n). If d of the n degrees of freedom have the
-variance k ≥ 1, then
+The sum of squares T of n independent Gaussian residuals of variance 1 has the distribution χ²(n). If d of the n degrees
+of freedom have the variance k ≥ 1, then
 
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
@@ -36,7 +36,7 @@ def variance_threshold(
     wide
         d of each test, from 0 to n: the number of degrees of freedom with the larger variance.
     ratio
-        k of each test, the larger variance, 1 or more; a test with k = NaN gets the threshold NaN.
+        k of each test, the larger variance, 1 or more; a test whose k is NaN or infinite gets the threshold NaN.
     p_fa
         False-alarm probability of one test.
 

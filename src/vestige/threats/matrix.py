@@ -1,12 +1,13 @@
 """Measure the threat table: run every scene with many seeds, and write the outcomes of each run to a file.
 
-A run takes about a second, so only its outcome is kept. A line of `runs.csv` has the outcome of a run at a mitigation
-level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A later call adds
-the missing runs to the file. If the scenario or the version of vestige has changed, the run is measured again.
+A run can be repeated in about a second, so only its outcome is kept. A line of `runs.csv` has the outcome of a run at a
+mitigation level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A
+later call adds the missing runs to the file. If the scenario or the version of vestige has changed, the run is measured
+again.
 
 All levels of a run are evaluated with the same simulation. Each attacked run is measured a second time without its
-attack. Alarms of the second run are false alarms. The worker of the attacked run also measures the second run. If
-another scene differs only in its attack, the second run is measured once for the two scenes.
+attack. Alarms of the second run are false alarms. The worker of the attacked run also measures the second run. If two
+scenes differ only in their attacks, and the attacks begin and end at the same times, the scenes share the second run.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class SceneCell:
 
     @property
     def note(self) -> str:
-        """Explanation of a difference from the expectation; empty if there is no difference."""
+        """Reason why the outcome differs from the expectation or is undecided; empty if no reason applies."""
         differs = self.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED)
         return self.case.notes[self.level - 1] if differs else ""
 
@@ -112,15 +113,18 @@ def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) ->
     """Return the outcome of a campaign at every level, counted in a window of time.
 
     The outcome of a campaign without an attack counts false alarms. The scenario must have a constellation, or a
-    processor of level 3. `window_s` is the start and the end of the window in s after the scenario's start. The end is
-    excluded.
+    processor of level 2 or 3. `window_s` is the start and the end of the window in s after the scenario's start. The
+    end is excluded.
     """
     plan = ScenarioPlan(scenario=scenario, with_phases=False)  # carrier phases do not affect an outcome
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
 def measure_together(scenarios: Sequence[CampaignScenario], window_s: tuple[float, float]) -> tuple[Outcomes, ...]:
-    """Return the outcomes of campaigns in one window of time; campaigns with equal seeds share the simulated truth."""
+    """Return the outcomes of campaigns in one window of time.
+
+    Campaigns that differ only in their attacks can share the simulated truth without attacks.
+    """
     return tuple(measure_scenes(one, window_s) for one in scenarios)
 
 
@@ -173,8 +177,8 @@ def _runs(
 ) -> Iterator[tuple[int, bool, Outcomes]]:
     """Yield case number, presence of an attack, and outcomes at all levels of each run; write new runs to the file.
 
-    All cases are measured with a group of seeds before the next group begins. The runs of a case may begin before the
-    runs of the previous case have ended, so that no worker waits.
+    The runs of all cases with a group of seeds are submitted before the runs with the next group. The runs of a case
+    may begin before the runs of the previous case have ended, so that no worker waits.
     """
     # call that measures a run, and position of the run in the results of this call, by digest of the scenario
     measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}

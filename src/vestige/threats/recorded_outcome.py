@@ -5,8 +5,8 @@ ranges. This module takes epochs and errors from the recording:
 
 **Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
 attack. The pseudorange without the attack is computed from the scenario, without samples. The two pseudoranges have the
-same clock, orbits and atmosphere. If a signal that is earlier than the E1 signal gives the range in use, its distance
-from the E1 pseudorange is added to the error.
+same clock, orbits and atmosphere. If a signal that is earlier than the E1 signal gives the range in use, this range
+minus the E1 pseudorange is added to the error.
 
 **Epochs.** Each RECS is an epoch. If the level tests E1 between RECS, each second between two RECS is also an epoch. A
 satellite of the scenario that is not tracked has the verdict NOT_AVAILABLE.
@@ -58,11 +58,11 @@ class RecordedVerdicts:
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
+        """Epochs with an alarm of any satellite that are the first epoch or follow an epoch without alarms."""
         return alarm_begins(self.state)
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in the epochs `rows` with their first failed epochs, in order of time."""
+        """Return the checks that failed in the epochs `rows`, each with its first failed epoch, in order of time."""
         return failures_in_order(self.failed, rows)
 
 
@@ -74,7 +74,7 @@ class TrackedErrors:
     error_m: Float[np.ndarray, "k m"]
 
     def worst_m(self, column: int, after_s: float, to_s: float) -> float:
-        """Return a satellite's error of largest magnitude between `after_s` and `to_s`; NaN without tracking."""
+        """Return a satellite's error of largest magnitude after `after_s` and up to `to_s`; NaN without tracking."""
         here = (self.time_s > after_s + _SAME_S) & (self.time_s < to_s + _SAME_S)
         return worst_of(self.error_m[here, column])
 

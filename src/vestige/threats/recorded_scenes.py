@@ -1,7 +1,7 @@
 """Make recordings of some seconds from scenes of the threat table, for a receiver that tracks the samples.
 
 A scene lasts 5 to 60 minutes. At 12.5 MHz, the int8 samples of 15 minutes need 45 GB, and tracking the samples would
-take about as long. So a recording is a part of the scene, and differs from the scene only in the following points:
+take about 15 minutes. So a recording is a part of the scene, and differs from the scene only in the following points:
 
 * A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
   and every duration is divided by the factor. Powers, delays and the values that the seed draws do not change.
@@ -41,7 +41,10 @@ class RecordedScene:
 
     @property
     def name(self) -> str:
-        """Number of the threat, and name of the recording or of the scene, such as `A1 receiver already tracking`."""
+        """Number of the threat, and name of the recording, or of the scene if the recording has no name.
+
+        An example is `A1 receiver already tracking`.
+        """
         return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:

@@ -12,12 +12,12 @@ expectation is one of these words, with its statement:
     deny         denied, and not missed
     partial      detected in about half of the runs: the interval contains ½
 
-Each check has its own budget of failures. Let p be the Poisson probability of at least the counted number of failures.
+Checks can have budgets of failures. Let p be the Poisson probability of at least the counted number of failures.
 A check exceeds its budget if p is below `ERROR` divided by the number of the level's checks that have a budget. So a
 level whose checks all keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
 
-The outcome of a single run is defined in `campaign/run_outcome.py`. The tests at neighbouring epochs use common data of
-some seconds. So failures of single tests occur in groups of up to `_GROUP`.
+The outcome of a single run is defined in `campaign/run_outcome.py`. Some checks, such as clock and RAIM, use common
+data of some seconds at neighbouring epochs. So failures of these checks occur in groups of up to `_GROUP`.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ class CheckShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckBudget:
-    """Number of failures of a check without an attack, and number of failures that the check's own budget allows."""
+    """Number of failures of a check, and number of failures that the check's own budget allows without an attack."""
 
     name: str
     failures: int  # number of tests that failed, after confirmation
     budget: float
 
     def exceeded(self, checks: int) -> bool:
-        """Return whether the check fails more often than its budget; `checks` is the number of checks with a budget."""
+        """Return whether failures significantly exceed the budget; `checks` is the number of checks with a budget."""
         group = 1 if self.name in _WITH_RECS else _GROUP
         return poisson_tail(math.ceil(self.failures / group), self.budget / group) < ERROR / checks
 
@@ -113,7 +113,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def exceeded(self) -> tuple[CheckBudget, ...]:
-        """Checks that failed more often than their own budgets allow."""
+        """Checks that failed significantly more often than their own budgets allow."""
         return tuple(one for one in self.budgets if one.exceeded(len(self.budgets)))
 
     @property

@@ -50,7 +50,8 @@ class ShortRecording(Section):
     Attributes
     ----------
     name
-        Name of the recording, which describes the state of the receiver when the attack begins.
+        Name of the recording, which describes the state of the receiver when the attack begins; empty for the name of
+        the scene.
     faster
         Factor by which the attack is faster than in the scene.
     first_s, end_s

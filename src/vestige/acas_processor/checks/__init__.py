@@ -1,1 +1,1 @@
-"""Compare statistics of the measurements with thresholds that follow from a false-alarm budget."""
+"""Compare statistics of the measurements with thresholds, most of which follow from a false-alarm budget."""

@@ -2,8 +2,8 @@
 
 A check has a name, a unit, and a false-alarm probability `p_fa` of one test. The method `series` returns statistic and
 threshold for a block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not
-run: the statistic is NaN, and the check states the reason. A check that was not run counts neither for nor against an
-attack.
+run: the statistic or the threshold is NaN, and the check states the reason. A check that was not run counts neither for
+nor against an attack.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ class _Level(Check, Protocol):
 class LevelMonitor(Monitor):
     """Two-sided monitor of a quantity L in dB, which passes if |ΔL| ≤ K σ.
 
-    ΔL is L minus its expected value, K is `two_sided_factor(p_fa)`, and `sigma_db` is σ without interference.
+    ΔL is L minus its expected value, K is `two_sided_factor(p_fa)`, and `sigma_db` is σ without interference. If the
+    receiver learned the expected value, the limit is larger by the factor `Reference.growth`.
     """
 
     __slots__ = ()

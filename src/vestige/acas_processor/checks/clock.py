@@ -4,15 +4,16 @@ Theory of operation
 -------------------
 A position fix gives bias b and drift d of the receiver's clock, both multiplied by the speed of light c. The codes give
 b with the standard deviation σ_b, and the carriers give d with the standard deviation σ_d. The errors of b and d are
-independent. The oscillator has white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]. Over a step Δt the three
-statistics of the check have the variances
+independent. The oscillator has white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]. Without an attack, the
+three statistics have these variances, with the step Δt from one epoch to the next:
 
     innovation     d_k − d_{k−1}                            c² Sg Δt + 2 σ_d²
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
 w is the vector of the weights of the least-squares slope, and C is the covariance of the drifts at the times t_i. A
-test fails if its statistic is more than K standard deviations from 0. The three tests share the budget P_fa equally.
+test fails if its statistic is more than K standard deviations from 0. The three tests share the budget P_fa equally,
+and K follows from P_fa/3.
 
 The innovation test detects a step of the drift. The consistency test detects a delay of the codes that the carriers do
 not follow. The slope test detects a slow, steady change of the drift. An attack that changes code and carrier alike,
@@ -47,7 +48,7 @@ class ClockHistory(NamedTuple):
 
 
 class ClockStatistics(NamedTuple):
-    """Statistics and thresholds of the three tests at n epochs; NaN after a gap, and with too few earlier epochs."""
+    """Statistics and thresholds of the three tests; a statistic is NaN after a gap or with too few epochs."""
 
     innovation: Float[np.ndarray, " n"]
     innovation_threshold: Float[np.ndarray, " n"]
@@ -59,7 +60,7 @@ class ClockStatistics(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockDriftMonitor:
-    """Monitor that compares bias and drift of the receiver clock with the noise of its oscillator.
+    """Monitor that compares changes of the receiver clock's bias and drift with the noise of its oscillator.
 
     The default is the clock of [WFO, Sec. V].
     """
@@ -82,7 +83,7 @@ class ClockDriftMonitor:
         return two_sided_factor(self.p_fa / 3)
 
     def statistics(self, clock: ClockHistory) -> ClockStatistics:
-        """Return statistics and thresholds of the three tests at each epoch; NaN after a gap or with too few epochs."""
+        """Return statistics and thresholds of the tests; a statistic is NaN after a gap or with too few epochs."""
         step = np.diff(clock.time_s, prepend=np.nan)
         step = np.where((step > 0) & (step <= self.max_gap_s), step, np.nan)
         before = np.roll(clock.drift_mps, 1)

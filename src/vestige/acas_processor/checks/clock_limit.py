@@ -1,22 +1,22 @@
-"""Check whether the clock error that the E1 ranges show is within the limit that the receiver states.
+"""Check whether the clock error that the E1 ranges show is within its stated limit.
 
 Theory of operation
 -------------------
-The receiver has a clock that GNSS does not set. The receiver states an upper limit U of the error of its clock against
-Galileo System Time (`time_uncertainty_s`). The E1 ranges also measure the clock error: a position fix gives b, the
-clock error multiplied by c. A replay with the delay τ increases b by c τ, even if the attacker suppresses other
-signals. The check passes if
+The receiver has a clock that GNSS does not set. U is the stated upper limit of the error of this clock against Galileo
+System Time (`time_uncertainty_s`). The E1 ranges also measure the clock error: a position fix gives b, the clock error
+multiplied by c. A replay with the delay τ increases b by c τ, even if the attacker suppresses other signals. The check
+passes if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
     without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
 
-P is the set of pseudoranges of the epoch. The travel times of Galileo signals are 65 to 105 ms
+P is the set of E1 pseudoranges of the epoch. The travel times of Galileo signals to the Earth lie between 65 and 105 ms
 (`position/possible_range.py`). `MARGIN_M` covers ionosphere, troposphere and orbit errors, which the fix does not
-correct. The standard deviation of b is σ_b, and K follows from `p_fa`.
+correct. σ_b is the standard deviation of b without errors that are common to all satellites, and K follows from `p_fa`.
 
 The check depends on U. A replay passes if it is no later than U allows, or if the error of the clock cancels the delay
-of the replay. U is the limit that the receiver states. After AUTHENTIC verdicts, the processor assumes a smaller limit
-for its searches. The check does not use the smaller limit, because an attack may have begun before these verdicts.
+of the replay. After AUTHENTIC verdicts, the processor assumes a smaller limit for its searches. The check does not use
+the smaller limit, because an attack may have begun before these verdicts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test; K is about 6, an
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockLimitMonitor(Monitor):
-    """Monitor that compares the clock error from the E1 ranges with the limit that the receiver states.
+    """Monitor that compares the clock error from the E1 ranges with the stated limit of this error.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ KAPPA = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeCheck:
-    """Check whether the range difference between E6 and E1 is within its error budget."""
+    """Check whether the range difference between E6 and E1 is at most κσ, with σ from the error budget."""
 
     name: ClassVar = CheckName.E1_E6_RANGE
     unit: ClassVar = "m"
@@ -32,7 +32,7 @@ class RangeCheck:
 
     @property
     def limit_m(self) -> float:
-        """κσ, the largest |offset| that passes, in m."""
+        """κσ, the largest |range offset| that passes, in m."""
         return self.kappa * self.budget.sigma_m
 
     def series(self, evidence: Evidence) -> CheckSeries:

@@ -5,30 +5,30 @@ Theory of operation
 One oscillator drives both front ends. Geometry, troposphere and clocks change the ranges of both carriers by the same
 amount. The phase φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
 (`searches/handover.py`). Without a second signal, only the ionosphere, noise and multipath change φ. A second E6 signal
-of relative amplitude a adds a²/2 to the variance of φ while the range between the signals changes. The phase between
-the two signals turns once for each 23.4 cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter
-of φ about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of φ
-at each RECS is
+of small relative amplitude a adds about a²/2 to the variance of φ while the range difference between the two signals
+changes. The phase between the two signals turns once for each 23.4 cm of their range difference. The statistic is
+√(T/(N − 2)). T is the scatter of φ about a straight line over the last N RECS, relative to the noise
+(`monitoring/recs_windows.py`). Noise gives φ at each RECS the variance
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
-The magnitude m of the correlator is in standard deviations of the noise per dimension. The noise of the E1 loops at the
-C/N0 of E1 has the standard deviations σ_PLL and σ_FLL. The E1 Doppler extrapolates the E1 phase over the time Δt to the
-middle of the RECS.
+The magnitude m of the correlator is in standard deviations of the noise per dimension. The carrier frequencies of E1
+and E6 are f1 and f6. The noise of the E1 loops at the C/N0 of E1 has the standard deviations σ_PLL and σ_FLL. The E1
+Doppler extrapolates the E1 phase over the time Δt to the middle of the RECS.
 
-Between two RECS the phase is known up to whole turns. The check takes the smallest of the possible phase steps. This
-choice is right if
+Between two RECS the phase is known up to whole turns. The check takes the smallest of the possible phase steps. The
+check relies on this choice only if
 
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
-v is the fastest change of the range difference E6 − E1 by the ionosphere, P is the power of the reflections, and λ6 is
-the wavelength of E6. If this condition is false for any of the N RECS, the check is not run. The check is not run
-either if the N RECS take more than 120 s, because the ionosphere changes linearly only over a shorter time. `p_fa`
-assumes that φ has only noise and multipath about a straight line. An ionosphere that does not change linearly raises
-the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that change with each RECS. Without a
-spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS failed (docs/checks). At 35 dBHz
-and v = 3 mm/s the condition is true up to 27 s between two RECS. With a RECS every 30 s, a window of 30 RECS takes more
-than 120 s, so the check is not run.
+v is the fastest change of the range difference E6 − E1 by the ionosphere, and λ6 is the wavelength of E6. P is the mean
+power of all reflections over the power of the direct signal. If this condition is false for any step between the N
+RECS, the check is not run. The check is not run either if the N RECS take more than 120 s, because the ionosphere
+changes linearly only over a shorter time. `p_fa` assumes that φ has only noise and multipath about a straight line. An
+ionosphere that does not change linearly raises the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and
+reflections that change with each RECS. Without a spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no
+window of 30 RECS failed (docs/checks). At 35 dBHz and v = 3 mm/s the condition is true up to 27 s between two RECS.
+With a RECS every 30 s, a window of 30 RECS takes more than 120 s, so the check is not run.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class E6PhaseMonitor(Monitor):
         cn0_e1_dbhz: Float[np.ndarray, "*n"],
         extrapolated_s: Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
-        """Return σ², the variance of φ at each RECS that noise causes, in rad²."""
+        """Return σ², the part of the variance of φ that noise causes at each RECS, in rad²."""
         cn0_hz = 10 ** (cn0_e1_dbhz / 10)
         loops = {"integration_s": self.loop_integration_s}
         of_phase = pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, **loops)
@@ -150,7 +150,7 @@ class E6PhaseMonitor(Monitor):
         return series_of(self, statistic, threshold, explain)
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return the last N − 1 RECS of each satellite."""
+        """Return at most the last N − 1 detected RECS of each satellite that is still tracked on E1."""
         return remembered_recs(evidence, self.window - 1)
 
     def _tested(self, recs: Recs, ends_here: Bool[np.ndarray, " k"], power: Float[np.ndarray, " tests"]) -> _Tested:

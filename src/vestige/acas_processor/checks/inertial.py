@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-Three causes change the pseudorange rate between two epochs: the satellite's motion, the receiver's acceleration along
-the line of sight, and the receiver's clock. The ephemeris predicts Δ_satellite, the change for a receiver at rest:
+Three causes change the pseudorange rate between two epochs: the satellite's motion, the receiver's motion, and the
+receiver's clock. The ephemeris predicts Δ_satellite, the change for a receiver at rest:
 
-    ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
+    ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity relative to the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of the values at both ends, a: acceleration
 
 The statistic of the test is ρ̇₁ − ρ̇₀ − Δ_satellite + Δ(e·v). Without an attack the statistic has the variance
@@ -15,8 +15,9 @@ The statistic of the test is ρ̇₁ − ρ̇₀ − Δ_satellite + Δ(e·v). Wi
 σ_ρ̇,0 and σ_ρ̇,1 are the standard deviations of the two range rates, and T is the time between the epochs. The standard
 deviation of the accelerometers' bias is σ_bias, and the velocity random walk of the accelerometers is N. The frequency
 random walk of the receiver's oscillator is Sg. The test fails if the magnitude of the statistic exceeds K standard
-deviations. The test does not detect a pull-off that stays below the drift of oscillator and accelerometers. The test
-also does not detect a pull-off after which the range rate has its earlier value at the next epoch.
+deviations, and K follows from `p_fa`. The test does not detect a pull-off that stays below the drift of oscillator and
+accelerometers. The test also does not detect a pull-off after which the range rate has its earlier value at the next
+epoch.
 
 In this check an acceleration is the second derivative of the position relative to the Earth, without gravity.
 """
@@ -40,7 +41,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InertialMonitor(Monitor):
-    """Monitor that compares the change of the range rate between two RECS with accelerometers and ephemeris."""
+    """Monitor that compares the measured change of the range rate between two RECS with the expected change."""
 
     name: ClassVar = CheckName.INERTIAL_RANGE_RATE
     unit: ClassVar = "m/s"
@@ -52,7 +53,7 @@ class InertialMonitor(Monitor):
     p_fa: float = 1e-6
 
     def sigma_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the standard deviation of the statistic after an interval T, apart from errors of the range rates."""
+        """Return the standard deviation of the statistic after an interval T, as if the range rates had no errors."""
         walk = self.walk_mps_per_sqrt_s**2 + SPEED_OF_LIGHT_MPS**2 * self.clock_walk_hz
         return np.sqrt((self.sigma_bias_mps2 * interval_s) ** 2 + walk * interval_s)
 

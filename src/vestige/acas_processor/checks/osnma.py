@@ -4,13 +4,13 @@ An attacker who cannot forge OSNMA can prevent its reception. Noise that is just
 disturb ranging, but prevents the reception of keys and tags. Two methods detect an attack on the reception.
 
 **Availability.** The statistic counts the subframes without a validated key among the last n subframes. Without an
-attack a subframe is lost with a known probability p, so the count is binomial. The threshold is the smallest count that
-is exceeded with a probability of at most P_fa.
+attack, each subframe lacks a key with the assumed probability p, independently of other subframes, so the count is
+binomial. The threshold is the smallest count that is exceeded with a probability of at most P_fa.
 
 **Assisted comparison** [WFO, Sec. IV-C]. Keys and tags also come from a second channel (the network). Missing and
 different fields are counted one by one, so a single subframe is enough for a test. A reception error passes the
-checksum of a page with a probability of only 2⁻²⁴. A single field that differs although its page passed the checksum
-therefore shows that another transmitter is active.
+checksum of a page with a probability of only 2⁻²⁴. A single field that differs although its page passed the checksum is
+therefore strong evidence of another transmitter.
 
 The checks do not detect an attack that leaves the data unchanged. The comparison proves nothing if the attacker
 controls the second channel.
@@ -64,7 +64,7 @@ class OsnmaAvailabilityMonitor(_LossMonitor):
     unit: ClassVar = "subframes"
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results of the check for a block, with a test at the end of each subframe."""
+        """Return the results of the check for a block; tests are made at the ends of subframes."""
         found = evidence.subframes
         limits = self._limits(found.window)
         return _series(
@@ -84,7 +84,7 @@ class OsnmaAgreementMonitor:
     p_fa: float = 2.0**-24  # probability that a page with reception errors passes its checksum CRC-24
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results of the check for a block, with a test at the end of each subframe."""
+        """Return the results of the check for a block; tests are made at the ends of subframes."""
         found = evidence.subframes
         return _series(
             self, evidence, found.differs, np.zeros_like(found.differs), found.received > 0,
@@ -103,7 +103,7 @@ class OsnmaReceptionMonitor(_LossMonitor):
     loss_probability: float = 0.01
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results of the check for a block, with a test at the end of each subframe."""
+        """Return the results of the check for a block; tests are made at the ends of subframes."""
         found = evidence.subframes
         limits = self._limits(found.due)
         return _series(

@@ -16,16 +16,17 @@ looks like a spoofing signal. The check therefore fails where
     √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
 If the weaker signal is the later signal, k is 1. The false-alarm probability is an upper limit, because neighbouring
-positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8 dB. With this P
-and p_fa = 10⁻⁶, a later signal that is more than 4 dB weaker than the direct signal is not detected at any C/N0.
+positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8 dB at 16° of
+elevation. With this P and p_fa = 10⁻⁶, a later signal that is more than 4 dB weaker than the direct signal is not
+detected at any C/N0.
 
 A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, this signal is no
 reflection of the stronger signal, and k could be 0. Instead k is 0.06, which allows for two effects: a near reflection
 distorts the triangle, and τ₁ is found only to 0.05 chip. With k = 0.06, the measured rate of false alarms stays below
 p_fa up to 45 dBHz with an integration of 16 ms.
 
-The check uses the correlators within `reach_m` of the prediction. Farther from the prediction only the early detector
-separates two signals.
+The check uses the correlators within `reach_m` of the prediction. More than `reach_m` before the prediction, only the
+early detector separates two signals in the bank.
 """
 
 from __future__ import annotations

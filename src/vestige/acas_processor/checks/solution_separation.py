@@ -64,7 +64,7 @@ class SolutionSeparationMonitor(Monitor):
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one epoch; an upper limit, because the separations are not independent."""
+        """False-alarm probability of one epoch; an upper limit, because it is a sum over axes and satellites."""
         return self.p_fa_horizontal + self.p_fa_vertical
 
     @classmethod

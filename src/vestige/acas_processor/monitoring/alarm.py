@@ -1,10 +1,10 @@
 """Keep the state of each satellite, so that a receiver raises a single alarm for a single attack.
 
 The verdict of a satellite may change at each RECS, and also between two RECS. The state of a satellite is therefore the
-gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. The state falls only after
-`HOLD_S` seconds without a status as grave as the state. So an attack that is detected at least once in `HOLD_S` seconds
-raises a single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range.
-So the loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
+gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. A state of alarm falls only after
+`HOLD_S` seconds without a status as grave as the state. So an attack that is detected at least once in every `HOLD_S`
+seconds raises a single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no
+range. So the loss of the signal on E1 ends the state AUTHENTIC at once, but does not end a state of alarm.
 """
 
 from __future__ import annotations

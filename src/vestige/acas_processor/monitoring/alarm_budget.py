@@ -15,18 +15,19 @@ limits:
   larger by intention, so the true probability is smaller. Noise above the detection threshold in one of the N
   correlators of the bank adds N times the P_fa of a correlator.
 * The probability of E6 power is 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
-* The probability of power–distortion is 0.006ᵏ: 0.6 % is the published false-alarm probability [WESSON18], and k is the
-  number of confirmations.
+* The probability of power–distortion is 0.006ᵏ if the tests are independent: 0.6 % is the published false-alarm
+  probability of a test [WESSON18], and k is the number of confirmations.
 * The probability of OSNMA agreement is 2⁻²⁴, the probability that CRC-24 passes a damaged page. This is an upper limit
   for a subframe with one damaged page. If all pages of eight satellites are damaged, there are 0.02 false alarms a day.
 * The probability of the clock limit is `CLOCK_LIMIT_P_FA`.
 
-The sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
+The sum of the false alarms of all checks is an upper limit of the false alarms of the level, because several failures
+during one alarm (`alarm.py`) count once.
 
 **With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms from noise in the N
-correlators, from OSNMA agreement and from the clock limit are subtracted first, because no choice of a threshold
-changes their number. The other n checks of the level get equal shares of the remaining alarms. The following equations
-are valid for a check with T tests a day:
+correlators, from OSNMA agreement and from the clock limit are subtracted first, because their probabilities do not
+depend on `a`. All n checks of the level except OSNMA agreement and the clock limit get equal shares of the remaining
+alarms. Σ fixed is the number of subtracted alarms a day, and T is the number of tests of a check in a day:
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -34,13 +35,14 @@ are valid for a check with T tests a day:
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-In an example, a receiver at level 1 has eight satellites, a RECS each 30 s, 46 correlators and a = 1. Noise in the 46
-correlators raises 0.11 alarms a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability,
-and raise alarms in addition to the number a.
+In an example, a receiver at level 1 has eight satellites, a RECS each 30 s, 46 correlators with a P_fa of 10⁻⁷ each,
+and a = 1. Noise in the 46 correlators raises 0.11 alarms a day, P is 1.9·10⁻⁵, and κ is 4.27. Optional checks and
+checks that a user wrote keep their own probability, and raise alarms in addition to the number a.
 
 Among the checks whose probability can be chosen, the clock checks and RAIM are *exact*: their statistics have the
-distribution from which the threshold is computed. All other checks allow for errors that are not always present, such
-as a drifting front end or a fading C/N0. The probabilities of all other checks are therefore upper limits.
+distribution from which the threshold is computed if the assumed standard deviations are right. The probabilities of all
+other checks are upper limits. Many of these checks allow for errors that are not always present, such as a drifting
+front end or a fading C/N0.
 """
 
 from __future__ import annotations
@@ -110,7 +112,7 @@ def false_alarm_budget(
     kappa
         Factor of the range check; used only without `alarms_per_day`.
     pd
-        Mean probability of detection of E6 over the RECS for which a missing signal is an alarm; used only without
+        Probability that a test of E6 power passes without an attack, as a mean over the tests; used only without
         `alarms_per_day`.
     bank_p_fa
         Probability that noise exceeds the detection threshold in any correlator of the bank.
@@ -120,7 +122,8 @@ def false_alarm_budget(
     Raises
     ------
     VestigeError
-        If `alarms_per_day` does not exceed the alarms that do not depend on the threshold of a check.
+        If `alarms_per_day` does not exceed the false alarms a day from noise in the correlators, from OSNMA agreement
+        and from the clock limit.
 
     Examples
     --------
@@ -146,7 +149,7 @@ def false_alarm_budget(
 def _set_share(
     rows: Sequence[CheckSpec], cadence: Cadence, alarms_per_day: float, assumed: DetectionAssumptions
 ) -> float:
-    """Return the alarms a day that each check may raise, without the alarms that do not depend on its threshold."""
+    """Return the equal share of each settable check in `alarms_per_day`, after the fixed alarms are subtracted."""
     fixed = sum(_fixed_p_fa(row, assumed) * cadence.tests_a_day(row) for row in rows)
     if alarms_per_day <= fixed:
         raise VestigeError(
@@ -157,7 +160,7 @@ def _set_share(
 
 
 def _fixed_p_fa(row: CheckSpec, assumed: DetectionAssumptions) -> float:
-    """Return the part of a check's false-alarm probability that does not depend on the threshold of the check."""
+    """Return the part of a check's false-alarm probability that does not depend on `alarms_per_day`."""
     fixed = row.fixed_p_fa if row.settable else row.own_p_fa
     return 0.0 if fixed is None else fixed(assumed)
 

@@ -4,10 +4,11 @@ The checks of step 3 compare measured values with a reference level. A reference
 
 1. The receiver's settings may state the reference level (calibrated front end, antenna with known C/N0).
 2. Otherwise the receiver learns the reference level as the median of the last `BASELINE_WINDOW` values of epochs with
-   RECS and without an alarm. Before `LEARNED` values are collected, the check is not run.
+   RECS and without an alarm. Before `LEARNED` values are collected, checks that need this reference level are not run.
 
-If an attack is present from the beginning, the receiver learns the reference level from values of the attack. The
-median of k values has π/(2k) times the variance of a single value, so thresholds are multiplied by √(1 + π/(2k)).
+If an attack is present from the beginning and raises no alarm, the receiver learns the reference level from values of
+the attack. The median of k normal values has about π/(2k) times the variance of a single value, so thresholds are
+multiplied by √(1 + π/(2k)).
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """Last values of each quantity at epochs without an alarm, by SVID; values of the receiver have the key 0."""
+    """Last values of each quantity at epochs with RECS and no alarm, by SVID; values of the receiver have the key 0."""
 
     values: Mapping[Quantity, Mapping[int, Values]] = field(default_factory=dict)
 
@@ -168,7 +169,7 @@ class Observed:
         teaches: Bool[np.ndarray, " n"],
         elevation_rad: Float[np.ndarray, "n m"],
     ) -> Mapping[Quantity, Reference]:
-        """Return the reference level of each quantity at each epoch, from the values before this epoch.
+        """Return the reference level of each quantity at each epoch, stated or learned from values before this epoch.
 
         `teaches` is True at epochs with RECS and without an alarm. The values of these epochs give the reference levels
         of later epochs.
@@ -189,7 +190,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline after a block, to which values of the block's epochs without an alarm are added."""
+        """Return the baseline after a block, to which the block's values at epochs with true `teaches` are added."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -204,7 +205,7 @@ class Observed:
 def _running(
     before: Values, column: Float[np.ndarray, " n"], teaches: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the median of the last values without an alarm before each epoch, and the number of these values.
+    """Return the median of the last values with true `teaches` before each epoch, and the number of these values.
 
     The median is NaN with fewer than `LEARNED` values.
     """

@@ -15,9 +15,9 @@ MIN_SATELLITES = 3  # with fewer satellites, the spoofing of a single satellite 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
     """Return the correction of the hardware bias in s that makes the median range offset zero.
 
-    The bias is common to all satellites, in contrast to ionosphere, multipath and noise. The median over all detected
-    satellites is robust against a minority of spoofed satellites. Calibrate with signals that are known to be
-    authentic, and use the calibrated bias afterwards.
+    The bias is common to all satellites, in contrast to ionosphere, multipath and noise. The median over the epochs is
+    taken first for each satellite. The median over all detected satellites is robust against a minority of spoofed
+    satellites. Calibrate with signals that are known to be authentic, and use the calibrated bias afterwards.
 
     Parameters
     ----------

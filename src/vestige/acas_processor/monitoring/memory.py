@@ -14,7 +14,10 @@ RECEIVER = 0  # key of the numbers of the receiver in `CheckMemory`
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixMemory:
-    """Last position fix of an epoch that has no alarm and at least four AUTHENTIC satellites."""
+    """Last position fix of an epoch that has no alarm and at least four AUTHENTIC satellites.
+
+    In this epoch no range in use belongs to a signal that is earlier than the E1 signal.
+    """
 
     time_s: float  # time of the position in s after the first epoch that the receiver ever processed
     position_m: Vector  # ECEF coordinates
@@ -22,7 +25,7 @@ class FixMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subframe:
-    """OSNMA of one subframe: the parts that were received so far."""
+    """Comparison of the OSNMA of one subframe with the second channel, up to the last epoch."""
 
     start: int  # beginning of the subframe in s since the GST epoch
     # bits of each satellite, a bit for each page and a bit for the key: due, received, and received with different data

@@ -1,4 +1,4 @@
-"""Define the settings of the checks that levels 2 and 3 add, and make the checks from these settings."""
+"""Define the settings of the false-alarm budget and of the checks beyond level 1, and make the checks of a level."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitoringSettings:
-    """Settings of the checks that levels 2 and 3 add.
+    """Settings of the false-alarm budget, of the checks that levels 2 and 3 add, and of the optional checks.
 
     Attributes
     ----------
@@ -44,15 +44,17 @@ class MonitoringSettings:
         number (`alarm_budget.py`). With None, the checks whose probability can be chosen may together raise one alarm a
         day, and the other checks have their own probability.
     test_p_fa
-        False-alarm probability of one test of every check, in place of the shares of the budget. The purpose is to
-        measure detection curves. The three clock checks have this probability together. With None, the checks have the
-        shares of the budget.
+        False-alarm probability of one test, in place of the shares of the budget. The purpose is to measure detection
+        curves. The three clock checks have this probability together. The value does not affect the range check, OSNMA
+        agreement, power–distortion, the searches or a user's checks. Without `alarms_per_day` the value does not affect
+        E6 power either. With None, the checks have the shares of the budget.
     levels
         Reference levels that are known beforehand; the receiver learns the other reference levels.
     fix
         Orbits, and the assumed errors of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
-        Settings of the check that has the name of the attribute. The class of each attribute describes the settings.
+        Settings of one check each; `clock` has the settings of the three clock checks. `e1_power` and `e6_power` belong
+        to the checks of received power, not to E6 power. The class of each attribute describes the settings.
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
@@ -65,9 +67,10 @@ class MonitoringSettings:
         Settings of the E1 vestigial search and of the E6 exhaustive search, except `search_p_fa` and
         `exhaustive_period_s`.
     search_p_fa
-        False-alarm probability of one search.
+        False-alarm probability of one exhaustive search. The E1 vestigial search has this probability on E1 for all
+        satellites together, and the same probability on E6 for each satellite.
     exhaustive_period_s
-        Time in s between two exhaustive searches while no other check fails.
+        Time in s between two exhaustive searches while no check fails.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)

@@ -76,7 +76,7 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
 
 
 def remembered_recs(evidence: Evidence, most: int) -> CheckMemory:
-    """Return the memory for the next block: at most the last `most` RECS of each satellite that E1 still tracks."""
+    """Return for each satellite at most the last `most` RECS since E1 last lost the satellite, for the next block."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):

@@ -15,7 +15,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchMemory:
-    """Memory of the exhaustive search, which decides when the next search is due."""
+    """Memory that decides when the next exhaustive search is due."""
 
     searched_at: GalileoTime | None = None  # time of the last search
     found_twice: bool = False  # whether a search with the last RECS found more than one signal of a satellite

@@ -30,7 +30,8 @@ class ClockError:
     error_s
         Time of the clock minus Galileo System Time in s; positive if the clock is ahead. NaN without a pseudorange.
     sigma_m
-        Standard deviation of the clock error of the fix, multiplied by c; NaN where there is no fix.
+        Standard deviation of the clock error from the position fix, multiplied by c, without errors that are common to
+        all satellites; NaN where there is no fix.
     of_fix
         True where a position fix gives the error. Elsewhere the travel times give the error to within
         `TRAVEL_SPREAD_S`.

@@ -28,8 +28,8 @@ class ErrorBudget:
     group_delay_m
         σ_BGD: error of the broadcast group delay after correction.
     ionosphere_e1_m
-        σ_I,E1: error of the ionospheric delay *on E1* after correction. The error of the difference between the delays
-        on E6 and E1 is γ−1 = 0.518 times σ_I,E1.
+        σ_I,E1: error of the ionospheric delay *on E1* after correction. The difference between the delays on E6 and E1
+        has an error of γ−1 = 0.518 times the error on E1.
     multipath_e1_m, multipath_e6_m
         σ_MP,E1 and σ_MP,E6: error by code multipath.
     noise_e1_m, noise_e6_m

@@ -1,8 +1,8 @@
 """Compute the position fix of every epoch of a block, and the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
-The fix uses the broadcast orbits, and the E1 pseudoranges of all satellites whose orbits are known. If the standard
-deviations of the pseudoranges depend on the elevation, a first fix with constant or C/N0-dependent standard deviations
-gives the elevation.
+The fix uses the broadcast orbits, and the E1 pseudoranges of all satellites with a known orbit and a known standard
+deviation. If the standard deviations of the pseudoranges depend on the elevation, a first fix with constant or
+C/N0-dependent standard deviations gives the elevation.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class FixSettings:
     authenticated: frozenset[int] | None = None  # satellites with authenticated ephemerides; None for all satellites
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
     fit_interval_s: float = FIT_INTERVAL_S  # longest time in s between the reference time of an ephemeris and its use
-    near: ApproximatePosition | None = None  # approximate position that is known before the fix; None if unknown
+    near: ApproximatePosition | None = None  # approximate position of the receiver; None if unknown
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
-        """Return why no fix is possible at a time; None if a fix is possible, or if no ephemerides are given."""
+        """Return why ephemerides are too few for a fix at a time; None if they are enough, or if none are given."""
         return why_no_orbits(self.ephemerides, time, UNKNOWNS) if self.ephemerides else None
 
     def transmission(
@@ -151,7 +151,7 @@ def elevations_from(
 def _chosen(
     own: tuple[Ephemeris, ...], time: GalileoTimes, fit_interval_s: float
 ) -> list[tuple[Ephemeris, np.ndarray]]:
-    """Return each used ephemeris with the rows of its epochs; an epoch uses the ephemeris that is nearest in time."""
+    """Return each used ephemeris with its rows: an epoch uses the nearest ephemeris, if within `fit_interval_s`."""
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))

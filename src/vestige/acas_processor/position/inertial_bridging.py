@@ -5,10 +5,10 @@ standard deviation, the range rate for a receiver at rest without clock drift, a
 the next epoch with RECS, new quantities are compared with the stored quantities (`checks/inertial.py`). Without a
 position nothing is stored, and no comparison is made at the next epoch with RECS.
 
-Velocity increments are in local axes, which rotate with the position. If an aircraft flies 7.5 km in 30 s, its local
-axes rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The path
-follows from the positions at both ends of the step and from the increments. The increments are rotated twice: first
-along a straight line, then along the path that follows from the increments. The path also gives the mean of the
+Velocity increments are in local axes, which rotate with the position. If an aircraft flies 7.5 km in 30 s, its vertical
+axis rotates by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The
+path follows from the positions at both ends of the step and from the increments. The increments are rotated twice:
+first along a straight line, then along the path that follows from the increments. The path also gives the mean of the
 velocities at both ends of the step.
 """
 
@@ -89,12 +89,12 @@ def rate_steps(evidence: Evidence) -> RateSteps:
 
 
 def remembered_rates(evidence: Evidence) -> CheckMemory:
-    """Return the memory for the next block; empty without a position at the last RECS.
+    """Return the memory for the next block; empty without inertial sensors, or without a position at the last RECS.
 
     The first numbers of the receiver are time (GST second and fraction), position (ECEF), and whether the increments
-    since the RECS have no gap. The numbers of each increment follow: the time of its end, and the velocity increment
-    (east, north, up). The numbers of a satellite are the range rate, the range rate for a receiver at rest without
-    clock drift, the σ of the range rate, and the unit vector to the satellite (ECEF).
+    since the last RECS have no gap. The numbers of each increment follow: the time of its end, and the velocity
+    increment (east, north, up). The numbers of a satellite are the range rate, the range rate for a receiver at rest
+    without clock drift, the σ of the range rate, and the unit vector to the satellite (ECEF).
     """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
@@ -253,7 +253,7 @@ def _bent(
     """Return the path between two positions from velocity increments; acceleration is constant in each increment.
 
     Positions and velocities are ECEF. `ends_s` are the ends of the increments in s after the first position. The
-    receiver reaches the second position at `interval_s`.
+    receiver reaches the second position `interval_s` after the first position.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[..., None]
     before = np.cumsum(gained, axis=1) - gained

@@ -4,14 +4,14 @@ A search can mistake noise for a signal anywhere in the searched time. Three tes
 
 1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock
    error is below its upper limit.
-2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ by the travel times
-   alone. A range that is farther from the median than `SPREAD_M` is wrong. With only two ranges, the test cannot tell
+2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ mainly by the travel
+   times. A range that is farther from the median than `SPREAD_M` is wrong. With only two ranges, the test cannot tell
    which of the two ranges is wrong.
-3. **The known position.** P is the pseudorange, d is the distance from the satellite to the known position, and Δt_sat
-   is the error of the satellite's clock. P − d + c Δt_sat is the error of the receiver's clock multiplied by c, to
-   within `reach_m` + `MARGIN_M`. This error must lie within the limit of the clock, and agree with the error from the
-   other satellites. Test 3 is made only for ranges of signals other than the E1 signal, because the checks test the
-   range of E1.
+3. **The known position.** The known position is the last fix, or the approximate position from the settings. P is the
+   pseudorange, d is the distance from the satellite to the known position, and Δt_sat is the error of the satellite's
+   clock. P − d + c Δt_sat is the error of the receiver's clock multiplied by c, to within `reach_m` + `MARGIN_M`. This
+   error must lie within the upper limit of the clock error, and agree with the error from the other satellites. Test 3
+   is made only for ranges of signals other than the E1 signal, because the checks test the range of E1.
 """
 
 from __future__ import annotations
@@ -146,9 +146,9 @@ def known_positions(
     time_s
         Times of the epochs in s after the first epoch that the receiver processed.
     fixed_m
-        The valid fix of each epoch; NaN where there is no fix.
+        Fix of each epoch that satisfies the conditions of `FixMemory`; NaN at other epochs.
     before
-        The last valid fix before the block.
+        Last fix before the block that satisfies the conditions; None without such a fix.
     stated
         Approximate position from the settings; None if the settings have no position.
     """

@@ -3,10 +3,10 @@
     σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        variance of a pseudorange
     σ_ρ̇ = λ σ_f(C/N0)                                                                standard deviation of a range rate
 
-σ_code and σ_f are the standard deviations of the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]).
-λ is the wavelength of E1. The obliquity M and the relative multipath A at the elevation e come from `elevation_model`.
-A share of the ionosphere's variance is common to all satellites. This share enters the covariance of the fix, but not
-the weights of the fix.
+σ_code and σ_f are the standard deviations of the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]). λ
+is the wavelength of E1. The obliquity M and the relative multipath A at the elevation e come from `elevation_model`. A
+part of the ionospheric error is common to all satellites. The covariance of the fix allows for this correlation of the
+errors, but the weights of the fix do not.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class PseudorangeErrors:
 
     floor_m: float = 5.0  # all errors that no other field describes
     ionosphere_m: float = 0.0  # residual of the ionosphere on E1 at 17.5° elevation
-    ionosphere_common: float = 0.5  # share of the variance of the ionosphere that is common to all satellites
+    ionosphere_common: float = 0.5  # share of the variance of the ionospheric error that is common to all satellites
     multipath_m: float = 0.0  # error of multipath at 16° elevation
     rate_mps: float = 0.1  # error of a range rate, used if `loops` is None
     loops: LoopNoise | None = None  # noise of the tracking loops; None if `floor_m` includes this noise
@@ -78,7 +78,7 @@ class PseudorangeErrors:
         return np.sqrt(code_m**2 + ionosphere_m**2 + multipath_m**2 + self.floor_m**2)
 
     def common_m(self, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"] | None:
-        """Return the σ of the ionosphere's common part in each pseudorange; None if the ionosphere is not modelled."""
+        """Return σ of the common ionospheric error in each pseudorange; None if the ionosphere is not modelled."""
         if not self.ionosphere_m:
             return None
         return math.sqrt(self.ionosphere_common) * self.ionosphere_m * obliquity(elevation_rad)

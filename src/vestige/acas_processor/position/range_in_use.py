@@ -12,9 +12,9 @@ A satellite can have a range in use only in epochs with RECS. The range in use i
    nobody can send chips before they are broadcast;
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
-Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in
-use either. In this case the true signal may arrive before the first correlator of the RECS, so the earliest signal in
-the correlators proves nothing. Impossible ranges are not used (`possible_range.py`).
+Otherwise no range is in use. If a search found several signals and no search can decide which signal is true, no range
+is in use either. In this case the true signal may arrive before the first correlator of the RECS, so the earliest
+signal in the correlators proves nothing. Impossible ranges are not used (`possible_range.py`).
 
 The position is the fix from all ranges in use, of at least four satellites. If the snapshots say which navigation data
 OSNMA authenticates (`data_authenticated`), only satellites with authenticated data are used. The fix uses uncorrected
@@ -123,10 +123,11 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the offset of the earliest signal of both searches from the E1 prediction, in m; otherwise NaN.
+    """Return the offset of the earliest signal of both searches from the E1 prediction, in m.
 
-    Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
-    same signal. In this case the offset of the exhaustive search counts, because this search covers all offsets.
+    The result is NaN if neither search gives an offset. Nobody can send the chips before the satellite, so the earlier
+    of two signals counts. Two offsets within a chip belong to the same signal. In this case the offset of the
+    exhaustive search counts, because this search covers all offsets.
     """
     same_or_later = ~(handed_over_m < exhaustive_m - SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz)
     return np.where(np.isfinite(exhaustive_m) & same_or_later, exhaustive_m, handed_over_m)

@@ -1,6 +1,7 @@
 """Hand over from E1 to E6: predict time and Doppler of the encrypted chips in the E6 samples [WFO, Sec. II-B].
 
-The E1 pseudorange contains all delays common to both bands (geometry, clocks, troposphere). The remaining difference is
+The E1 pseudorange contains all delays common to both bands (geometry, clocks, troposphere). With the convention of
+[OS-ICD] for group delays, the remaining difference is
 
     P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive if E6 is later
     f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154

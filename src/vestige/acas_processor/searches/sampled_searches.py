@@ -2,7 +2,7 @@
 
 The searches are step 4 of level 2 [WFO, Sec. IV-B] and step 5 of level 3 [WFO, Sec. IV-C].
 
-`E1VestigialSearch` (level 2) searches for all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch`
+`E1VestigialSearch` (levels 2 and 3) searches for all signals on E1, and hands signals over to E6. `E6ExhaustiveSearch`
 (level 3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return
 peaks and number of signals of each satellite. Both searches cover the possible clock error (`TimeUncertainty`). Before
 the first authentic fix the possible clock error is the stated limit. After a fix the possible clock error is the
@@ -203,8 +203,8 @@ class E6ExhaustiveSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return the result for every satellite with a RECS.
 
-        `e6` replaces the samples of the snapshot if the file is too long for a snapshot. If `around_s` is set,
-        `expected` gives the time at which E1 predicts the RECS of a satellite. In this case, satellites without a
+        `e6` replaces the samples of the snapshot, for example if the file is too long for a snapshot. If `around_s` is
+        set, `expected` gives the time at which E1 predicts the RECS of a satellite. In this case, satellites without a
         predicted time are not searched.
         """
         source = e6 or _samples(snapshot)
@@ -243,7 +243,8 @@ class E6ExhaustiveSearch:
     ) -> list[_Stretch]:
         """Return the codes to search in each time range.
 
-        The codes of one transmission share a time range; if `around_s` is set, each code has its own time range.
+        The codes with the same transmission time share a time range; if `around_s` is set, each code has its own time
+        range.
         """
         stretches = []
         for sent in sorted({code.transmit_time for code in codes}):
@@ -306,8 +307,8 @@ def _of_decision(
 def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent: GalileoTime | None) -> bool:
     """Return whether a signal on E1 comes before a peak in E6, by at most half a period of the secondary code.
 
-    If the secondary code is unknown, half a period of the primary code (2 ms) is used. Signals on E1 that were handed
-    over to the same peak do not come before the peak; their times may differ from the peak by `_SAME_S`.
+    If the phase of the secondary code is unknown, half a period of the primary code (2 ms) is used. Signals on E1 that
+    were handed over to the same peak do not come before the peak; their times may differ from the peak by `_SAME_S`.
     """
     if sent is None:
         return False
@@ -351,7 +352,7 @@ def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
 def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
 ) -> ReceptionProof:
-    """Return the `ReceptionProof` of a RECS, which says whether a chip arrived before the disclosure of the key.
+    """Return the `ReceptionProof` of a RECS, which says whether the RECS arrived before the disclosure of its key.
 
     The time tags of the samples follow E1, and may therefore follow a spoofing signal. `received_at` does not follow
     E1.

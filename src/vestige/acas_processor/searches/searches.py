@@ -2,14 +2,14 @@
 
 Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each signal over to E6. Step 5 of [WFO, Sec. IV-C] searches
 E6 exhaustively. The statistic is the number of signals of a satellite, and the threshold is 1. An attacker can evade
-both searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect
-nulling and noise.
+both searches by nulling the true signal on both bands, or by burying the true signal in noise. The checks of received
+power can detect such noise. By assumption, the paper excludes an attacker who nulls both bands [WFO, Sec. II].
 
 The search on E1 is made at every RECS. The paper does not state how often the exhaustive search is made, and at every
 RECS the search would take too long. The exhaustive search is therefore made at the start, once in a configured period,
 and at every RECS for which another check failed. A search that found a second signal is repeated at the next RECS, even
-if no other check fails. Otherwise the signals of an attacker who nulls E1 and adds no noise would be AUTHENTIC again
-after a single RECS. Both searches cover the possible error of the clock (`TimeUncertainty`).
+if no other check fails. Otherwise the signals of an attacker who nulls the true signals on E1 and adds no noise would
+be AUTHENTIC again after a single RECS. Both searches cover the possible error of the clock (`TimeUncertainty`).
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ so the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 equal intervals, at which the chips may arrive in E6 (`CandidateEpochs`). `handover_peaks` searches E6 at the candidate
 times of all signals of the satellite. E1 is measured again every `REMEASURE_S`, because errors of the Doppler shift the
 line. A Doppler error of 1 Hz on E1 shifts the line by 11 m in a minute. A Doppler rate of 0.5 Hz/s shifts the line by
-5 m in ten seconds. After the first authentic position the clock is known, and the smaller time uncertainty shortens
-both searches in proportion.
+5 m in ten seconds. The time uncertainty is smaller after the first authentic position, which shortens both searches.
+The searched time is at most twice the time uncertainty plus 0.14 s, the spread of `TRAVEL_TIME_S`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Pea
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
-    """Return the `ReceptionProof` of a RECS, which says whether a chip arrived before anybody could know the chip.
+    """Return the `ReceptionProof` of a RECS, which says whether the RECS arrived before anybody could know its chips.
 
     The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
     clock that measures the arrival, infinite if there is no limit.

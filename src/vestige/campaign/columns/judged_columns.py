@@ -38,7 +38,7 @@ JUDGED_COLUMNS = column_table(
 
 
 def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:
-    """Return the values of `JUDGED_COLUMNS`; the result of a check of the receiver is repeated for every satellite."""
+    """Return the values of `JUDGED_COLUMNS`; results of checks of the whole receiver are repeated per satellite."""
     names = [spec.name for spec in block.specs]
     shape = (len(names), *block.status.shape)
     statistic, threshold = np.full((2, *shape), np.nan, np.float32)

@@ -1,8 +1,8 @@
-"""Convert measurements to columns of the results, and the columns back to measurements for new verdicts.
+"""Convert measurements to columns of the results, and columns back to measurements for the verdicts.
 
-The workers call `measured_columns`. `measured_block` reads the columns, from which the processor makes verdicts. The
-campaign calls `measured_block` for each chunk. Plots and the threat table call `measured_block` later, at any
-mitigation level. `measured_block` reads no column whose name begins with `truth_`.
+The workers call `measured_columns`. `measured_block` converts columns to measurements, from which the processor makes
+verdicts. A run of a campaign calls `measured_block` chunk by chunk. Plots and the threat table call `measured_block` to
+make verdicts at chosen mitigation levels. `measured_block` reads no column whose name begins with `truth_`.
 """
 
 from __future__ import annotations
@@ -171,8 +171,8 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
     """Return the receiver's measurements in the given epochs.
 
     `epoch` has the numbers of the given epochs. `columns` contain only the given epochs, with the axes of the results.
-    The axis of epochs is the first axis. In columns with the axis `detector`, `detector` is the first axis and the axis
-    of epochs is the second axis.
+    In the columns that the function reads, the axis of epochs is the first axis, except in columns with the axis
+    `detector`. In these columns, `detector` is the first axis and the axis of epochs is the second axis.
     """
     scenario, processor = of.scenario, of.processor
     if scenario.processor.checks:

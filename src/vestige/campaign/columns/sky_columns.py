@@ -5,14 +5,16 @@ fix `authenticated` uses the ranges in use of satellites with navigation data th
 at least four of these ranges. The time `available_at_s` of this fix is the time at which the OSNMA key of the RECS is
 complete. Both fixes assume correct broadcast orbits.
 
-E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual on E1 is d/(γ − 1), where d is
-the residual of the delay difference E6 − E1, and γ is the squared ratio of the carrier frequencies of E1 and E6. The
-range check compares E6 with E1, so from the ionosphere only d affects the range check.
+Without an attack and without the table `[atmosphere]`, the errors of E1 pseudoranges are noise, multipath and a
+residual of the ionosphere. The residual on E1 is d/(γ − 1), where d is the residual of the delay difference E6 − E1,
+and γ is the squared ratio of the carrier frequencies of E1 and E6. The range check compares E6 with E1, so from the
+ionosphere only d affects the range check.
 
 The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange. The
-functions M and A of the elevation e come from `navigation.elevation_model`. A part of the ionosphere's variance is
-assumed to be common to all satellites (`ionosphere_common` of `[position]`). The covariance P of the fix includes this
-common part. The weights do not include this part, and RAIM and solution separation take σ from the weights.
+functions M (`obliquity`) and A (`relative_ray_amplitude`) of the elevation e come from `navigation.elevation_model`. A
+part of the ionosphere's variance is assumed to be common to all satellites (`ionosphere_common` of `[position]`). The
+covariance P of the fix contains the correlation of the errors that follows from this common part. The weights 1/σ²
+ignore this correlation, and RAIM and solution separation take σ from the weights.
 
 The NEES, xᵀP⁻¹x, combines the errors x of the three coordinates and of the clock. For a consistent fix, the NEES has a
 χ² distribution with 4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit

@@ -2,8 +2,8 @@
 
 If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks whose results were
 not yet fetched. A chunk that is measured twice gives the same bits both times. All machines need the same source code
-of vestige, and the same kind of CPU if the bits depend on the CPU. Source code and kind of CPU are checked with every
-chunk. The machines need no shared disk and no data.
+of vestige and of the user's own classes. All machines also need the same kind of CPU if the bits depend on the CPU.
+Source code and kind of CPU are checked with every chunk. The machines need no shared disk and no data.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class ClusterExecutor(Executor):
         self._client.close()
 
     def _pass_on(self, inner: Any, outer: Future[R]) -> None:
-        """Give `outer` the outcome of a dask future; errors of dask itself become `BrokenExecutor`."""
+        """Give `outer` the outcome of a dask future; a lost call or an `OSError` becomes `BrokenExecutor`."""
         killed_worker = import_module("distributed").KilledWorker
         if not outer.set_running_or_notify_cancel():
             return
@@ -135,7 +135,7 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
 
 
 def _check_answer(address: str) -> None:
-    """Raise `VestigeError` if no scheduler answers at an address.
+    """Raise `VestigeError` if an address is not valid, or no scheduler answers at the address.
 
     A dask client that was made without a connection would print a second error when the client is deleted.
     """

@@ -9,7 +9,7 @@ from vestige.campaign.plan import Plan, judged
 
 
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
-    """Return the results of a plan, equal to the results of `run`, without a store.
+    """Return the results of a plan without a store, with the same values as the results of `run`.
 
     With `judge=False`, the results have no columns of `JudgedPlan.judge`. Verdicts at several levels can be made from
     these results later.

@@ -1,4 +1,4 @@
-"""Read attributes and columns of campaign results that are already in memory, without loading zarr."""
+"""Read attributes and columns of campaign results that are already open, without importing zarr."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class CheckColumns(NamedTuple):
 
     result: Int8[np.ndarray, "n m"]  # result after confirmation: 1 for failed, 0 for passed, −1 for not run
     statistic: Float[np.ndarray, "n m"]  # statistic in the unit of the check; NaN if the check was not run
-    threshold: Float[np.ndarray, "n m"]  # threshold in the unit of the check; NaN if the check was not run
+    threshold: Float[np.ndarray, "n m"]  # threshold in the unit of the check; may be NaN if the check was not run
 
 
 def scenario_of(results: xarray.Dataset) -> StoredScenario:

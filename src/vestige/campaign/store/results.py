@@ -3,8 +3,8 @@
     results = open_results("night.zarr", partial=True)
     results.scenario.processor.level, results.dataset["status"], results.damaged
 
-Use `open_results` to open every store. For any content of the folder, this function returns `Results` or raises an
-error with a message of one line.
+Use `open_results` to open any store of a campaign. For any content of the folder, this function returns `Results` or
+raises an error with a message of one line.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NO_EPOCHS = np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """Results of a campaign of n epochs and m satellites; `open_results` and `run` return objects of this class.
+    """Results of a campaign of n epochs and m satellites; `open_results` and `vestige.run` return this class.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Results:
 
     @property
     def scenario(self) -> StoredScenario:
-        """Scenario of the campaign; the property raises `VestigeError` if the results have no scenario."""
+        """Scenario of the campaign; the property raises `VestigeError` if the results have no valid scenario."""
         return scenario_of(self.dataset)
 
     @property
@@ -97,7 +97,7 @@ class Results:
 
     @property
     def state(self) -> Int8[np.ndarray, "n m"]:
-        """State of each satellite after each epoch, which the receiver shows to its user, as index in `Status`."""
+        """State of each satellite that the receiver shows to its user after each epoch, as index in `Status`."""
         return values(self.dataset, "state", EPOCH, "satellite").astype(np.int8)
 
     @property
@@ -146,7 +146,8 @@ def open_results(
     Raises
     ------
     InputFileError
-        If the folder is no store, the store is damaged, or the campaign has not ended and `partial` is not set.
+        If the folder is no store, the metadata are damaged, or the campaign has not ended and `partial` is not set. If
+        values are damaged and `damaged` is `refuse`.
 
     Examples
     --------

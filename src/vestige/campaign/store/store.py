@@ -5,10 +5,10 @@ divided along `epoch` into the campaign's chunks. Each chunk therefore has its o
 has one number for each chunk: a 64-bit hash of the chunk's values, or 0 if the chunk is not finished. The hash is
 written after the values.
 
-A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
-again. A run may therefore end in any way, such as by `kill -9` between two files or by a power failure that loses
-written data. A store may also be copied only in part. A new store is made in a temporary folder, and the complete
-folder gets the path of the store. An interruption therefore leaves no incomplete new store at this path.
+A resumed run reads the values again and compares their hash with the stored hash. Chunks that do not agree with their
+hash are computed again. A run may therefore end in any way, such as by `kill -9` between two files or by a power
+failure that loses written data. A store may also be copied only in part. A new store is made in a temporary folder, and
+the complete folder gets the path of the store. An interruption therefore leaves no incomplete new store at this path.
 """
 
 from __future__ import annotations
@@ -150,8 +150,8 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
     Missing parent folders are made. An existing store keeps its own `chunk_epochs`.
 
-    The function raises `InputFileError` if `path` is no store, or is the store of another scenario, seed or source code
-    of vestige.
+    The function raises `InputFileError` if `path` is no store, is damaged beyond repair, or is the store of another
+    plan or another build (`build_id`).
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -169,7 +169,8 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
     """Return the number of epochs in a chunk of an existing store, if this number differs from `wanted`.
 
-    The result is None if the numbers agree, there is no store, or the store is damaged.
+    A number `wanted` above the number of all epochs means a single chunk. The result is None if the numbers agree,
+    there is no store, or the store is damaged.
     """
     try:
         store = open_existing(Path(path), mode="r")
@@ -222,7 +223,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
 
 
 def _check_sizes(store: Store) -> None:
-    """Raise `ValueError` if the metadata of a store give sizes that a campaign does not write."""
+    """Raise `ValueError` if the metadata of a store give sizes or codecs that a campaign does not write."""
     if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
         raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, expected at most {MAX_EPOCHS}")
     if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):

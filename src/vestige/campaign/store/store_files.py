@@ -1,7 +1,8 @@
 """Check the files of a store before values are read: only regular files, with the sizes that a campaign writes.
 
 A store may come from an unknown source, so its metadata are not trusted. An array is read only if a campaign would
-write the same sizes and codecs. A compressed chunk is read only if its unpacked size is the size of its values.
+write the same sizes and codecs. A chunk of numbers is read only if the unpacked size that the chunk states is the size
+of its values.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
 
     A pipe would block the program without end when the pipe is opened. A link may lead to any other file.
 
-    The function raises `InputFileError` with the path of the first wrong file.
+    The function raises `InputFileError` if `folder` is no folder, or with the path of the first wrong file.
     """
     if not folder.is_dir():
         raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", expected)
@@ -90,7 +91,7 @@ def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_B
 
 
 def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
-    """Raise `ValueError` unless an array of coordinates or of a table is small enough to be read at once."""
+    """Raise `ValueError` if an array of coordinates or of a table is too large, or has wrong codecs or chunks."""
     check_array(name, array, at_most=MAX_LABELS_BYTES)
     if (size := _values_bytes(array, array.shape)) > MAX_LABELS_BYTES:
         raise ValueError(f"{name}: found {size} bytes, expected at most {MAX_LABELS_BYTES} bytes")

@@ -5,15 +5,16 @@ In a sweep of several settings, a value means a combination of values of these s
 The results of a sweep are in a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` would
 write the same store for a scenario with this value. The store can therefore be resumed, opened and plotted like any
 other store. The folder also has `sweep.csv` with a row for each value. Curves are drawn from this table, which is
-written again after each value. If the scenario has an attack, a level above 1 or checks that the user wrote, a row also
-has the outcome of the run (`run_outcome.py`).
+written again after each value. If the scenario has an attack, a level above 1 or checks that the user wrote, the row of
+a complete campaign also has the outcome of the run (`run_outcome.py`).
 
-The campaign of a value ends when all epochs of its scenario are measured. The campaign ends earlier if the confidence
-interval of the estimated probability is narrow enough. The width of the interval is evaluated after each chunk in the
-order of the chunks. The epochs that count therefore depend neither on the number of workers nor on interruptions.
+The campaign of a value ends when all epochs of its scenario are measured. If a width is required (`Width`), the
+campaign ends earlier, as soon as the confidence interval of the probability of a detection is narrow enough. The width
+of the interval is evaluated after each chunk in the order of the chunks. The epochs that count therefore depend neither
+on the number of workers nor on interruptions.
 
-All values share the scenario's seed. Neighbouring points of a curve therefore have the same noise, and similar
-estimation errors. A sweep of `seed` shows the size of these errors.
+All values share the scenario's seed, unless `seed` is a setting of the sweep. Neighbouring points of a curve therefore
+have the same noise, and similar estimation errors. A sweep of `seed` shows the size of these errors.
 """
 
 from __future__ import annotations
@@ -104,8 +105,9 @@ def run_sweep(
     """Yield the row of each campaign as soon as the campaign ends, and write the rows so far to `sweep.csv`.
 
     `campaigns` has the settings of each campaign, and the scenario with these settings. Stored epochs are not measured
-    again. A campaign stops when its confidence interval is as narrow as `width`. Without `width`, all epochs are
-    measured. `progress` is called with the name of a campaign's store and the progress of the campaign.
+    again. A campaign stops when the confidence interval of the probability of a detection is as narrow as `width`.
+    Without `width`, all epochs are measured. `progress` is called with the name of a campaign's store and the progress
+    of the campaign.
 
     The function raises `InputFileError` if `folder` is the store of one campaign, or if the table in `folder` belongs
     to a sweep of other keys. The new sweep would overwrite this table.

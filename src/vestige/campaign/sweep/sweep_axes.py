@@ -33,7 +33,9 @@ class Axis:
 def parse_axis(text: str) -> Axis:
     """Return the axis that `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) describes.
 
-    The function raises `VestigeError` if the text has another form, or contains a value twice.
+    A range contains `stop` only if a step reaches `stop`. The function raises `VestigeError` if the text has another
+    form, contains a value twice, or describes a range that never reaches `stop` or has more than `MAX_CAMPAIGNS`
+    values.
     """
     key, equals, listed = (part.strip() for part in text.partition("="))
     if not key or not equals:
@@ -63,7 +65,7 @@ def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
 def store_name(settings: Mapping[str, Value]) -> str:
     """Return the file name of a campaign's store, which consists of the settings of the campaign.
 
-    Characters that a file name cannot have are written as `%XX`.
+    All characters except ASCII letters, digits and `_.-~=,+` are written as `%XX`.
 
     The function raises `VestigeError` if the name is too long for a file.
     """

@@ -26,7 +26,11 @@ from vestige.theory.thresholds import probability_of_detection
 
 
 def campaign_json(results: xarray.Dataset) -> str:
-    """Return the rates of detections and false alarms, and the verdicts of a campaign, as the text of a JSON object."""
+    """Return the rates of detections and false alarms, and the attack reports, as the text of a JSON object.
+
+    If the campaign has verdicts between RECS (`verdicts_of_run`), the object also has the outcome at the level of the
+    scenario.
+    """
     attributes = attributes_of(results)
     judged, level = verdicts_of_run(results)
     return as_json(
@@ -82,8 +86,8 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
     """Return a table of a sweep, with a line for each campaign, and a last line that names the file of the table.
 
     A line has the counts of the campaign, and the theoretical P_d of a signal exactly on a correlator. If any row has
-    an outcome (`Row.outcome`), a line has the outcome of the run in place of the theoretical P_d. `file` is the CSV
-    file with the same rows.
+    an outcome (`Row.outcome`), each line has level and outcome of the run instead, with the missed detections. `file`
+    is the CSV file with the same rows.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])

@@ -104,9 +104,10 @@ def _in_view(scenario: CampaignScenario) -> list[str]:
 
 
 def _table_lines(name: str, table: Any) -> list[str]:
-    """Return a table of a scenario as text, with the names of its keys, in lines of at most `_WIDTH` characters.
+    """Return a table of a scenario as lines of text, with the names of its keys.
 
-    A table inside the table, such as `processor.budget`, begins a new line.
+    A line has at most `_WIDTH` characters, unless a single key with its value is longer. A table inside the table, such
+    as `processor.budget`, begins a new line.
     """
     inner: dict[str, Any] = {}
     if isinstance(table, dict):

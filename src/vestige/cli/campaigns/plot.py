@@ -178,7 +178,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 @contextmanager
 def _folder_of(file: Path) -> Iterator[None]:
-    """Make the folder of a file; remove the folder again if writing the file fails."""
+    """Make the missing folders of a file; if writing the file fails, remove the new folders that are empty."""
     made = [folder for folder in file.parents if not folder.exists()]
     file.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -191,7 +191,10 @@ def _folder_of(file: Path) -> Iterator[None]:
 
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
-    """Return kind, file and options of every figure of a campaign; some kinds have a figure for each detector."""
+    """Return kind, file and options of each figure that the KIND `all` draws.
+
+    Under attack, some kinds have a second figure, for another detector than the chosen detector.
+    """
     other = replace(choice, detector=next(name for name in DETECTOR_NAMES if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
@@ -241,7 +244,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
 
 
 def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
-    """Return the axes of a figure that shows all satellites of a campaign with a constellation."""
+    """Return the axes of the figure of kind `name`: sky, position, monitors or decision map."""
     import numpy as np
 
     from vestige import plots

@@ -29,8 +29,8 @@ def command(result: Path, output: Path, question: str) -> None:
     """Write a page about RESULT, and print the name of the file.
 
     RESULT is the store of `vestige run`, or the folder of `vestige threats -o`. The page needs no network, because it
-    contains figures, script and scenario. A run that has not ended is shown up to its last stored epoch. An
-    existing file is overwritten only if it is an earlier report.
+    contains its figures and its script. A run that has not ended is shown up to its last stored epoch. An existing file
+    is overwritten only if it is an earlier report.
     """
     if output.suffix.lower() not in _SUFFIXES:
         raise click.BadParameter(f"{output}: the suffix of a page is {' or '.join(_SUFFIXES)}", param_hint="-o")

@@ -144,7 +144,7 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
     """Return settings and scenario of every campaign of a sweep; errors of scenarios are raised before the first run.
 
-    The function raises `VestigeError` if an axis has a key of `settings`.
+    The function raises `VestigeError` if an axis or a scenario is invalid, or if an axis has a key of `settings`.
     """
     from vestige.campaign.sweep.sweep_axes import as_settings, grid, parse_axis
 

@@ -1,4 +1,4 @@
-"""`vestige threats`: measure the outcome of each attack at each mitigation level, and print the expected outcome."""
+"""`vestige threats`: measure the outcome of each attack at each level, and compare it with the expected outcome."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def command(
     scheduler: str | None,
     as_json: bool,
 ) -> None:
-    """Measure the outcome of each attack of the threat table at each mitigation level, and print the expected outcome.
+    """Measure the outcome of each attack of the threat table at each level, and compare it with the expected outcome.
 
     The verdicts of all levels come from the same runs. Runs with many seeds give the share of each outcome, and its
     exact confidence interval. With -o the same command continues a measurement that was stopped.

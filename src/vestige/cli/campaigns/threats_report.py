@@ -119,7 +119,7 @@ def _values(cell: SceneCell) -> list[str]:
 
 
 def _checks(cells: Sequence[SceneCell], level: int) -> Table:
-    """Return the checks of a level that failed under each attack, with number of runs and median time of failure."""
+    """Return the failed checks of a level for each attack, with number of runs and median time of first failure."""
     title = f"Level {level}: failed checks, the earliest first, with number of runs and median time of first failure"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("scene", width=34)
@@ -174,7 +174,7 @@ def _false_alarms(cells: Sequence[SceneCell]) -> Table:
 
 
 def _by_check(cells: Sequence[SceneCell]) -> Table:
-    """Return the number of failures of each check without an attack, and the number that its budget allows."""
+    """Return how often checks failed without an attack, and how many failures the budgets of these checks allow."""
     title = "Failures of each check without an attack, and the number that its budget allows; * budget exceeded"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in ("scene", "level", "days", "failures of budget"):
@@ -223,7 +223,7 @@ def _number(value: float) -> str:
 
 
 def _rendered(table: Table) -> str:
-    """Return a table as text, with colours for a terminal."""
+    """Return a table as text, with colours if standard output is a terminal."""
     terminal = Console()
     text = StringIO()
     width = max(WIDTH, terminal.width if terminal.is_terminal else 0)

@@ -157,7 +157,10 @@ def _run(
 
 
 def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited: bool) -> None:
-    """Print the summary, and end with the exit status that `--fail-on` sets."""
+    """Print the summary, and end the command with exit status 3 if the verdicts match the value of `--fail-on`.
+
+    The function raises `VestigeError` if E6 samples were dropped.
+    """
     from vestige.cli.recordings.advice import in_one_line
     from vestige.cli.recordings.verdicts import exit_status
 
@@ -173,9 +176,10 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
 
 
 def _with_orbits(processor: AcasProcessor, following: Following, options: dict[str, Any]) -> AcasProcessor:
-    """Return the processor with the orbits that the message has given so far, if no navigation file is given.
+    """Return the processor with the orbits that the tracked message has given so far.
 
-    The processor also gets the satellites whose orbits OSNMA tags have verified.
+    The processor also gets the satellites whose orbits OSNMA tags have verified. If E1 is not tracked, or a navigation
+    file is given, the processor is returned unchanged.
     """
     tracking, monitoring = following.live.tracking, processor.monitoring
     if tracking is None or options["navigation"] is not None:
@@ -233,7 +237,11 @@ class _Warnings:
 
 
 class _SignalClock:
-    """Function that corrects the times in the output, and warns when the error of the time tag becomes known."""
+    """Function that corrects the times in the output, and warns of the error of the time tag.
+
+    A warning is printed if the error differs by more than `TIME_TAG_TOLERANCE_S` from the error in the last warning, or
+    from 0 before the first warning.
+    """
 
     def __init__(self, warn: Callable[[object], None]) -> None:
         self._warn, self._said_s = warn, 0.0
@@ -257,7 +265,11 @@ class _EarlyRecs:
         self._count, self._late_s = 0, 0.0
 
     def take(self, epoch: FollowedEpoch) -> None:
-        """Count the RECS of an epoch if they were sent before E1 was tracked; otherwise print the warning."""
+        """Count the RECS of an epoch if they were sent before E1 was tracked; otherwise print the warning.
+
+        Only the RECS of satellites that tracking has found are counted. Until tracking has given an observation, this
+        method does nothing.
+        """
         from vestige.recording.tracked.track_recording import tracked_since
 
         if self._tracking is None or self._tracking.first_observed is None:
@@ -279,7 +291,7 @@ class _EarlyRecs:
         self._count = 0
 
     def end(self, why_no_ranges: str) -> None:
-        """Print the warning at the end of the recording; `why_no_ranges` says why later RECS had no E1 ranges."""
+        """Print the warning at the end of the recording; `why_no_ranges` says why E1 has no ranges, or is empty."""
         self.say()
         if self._tally.missed:
             self._tally.too_early = self._tally.too_early or why_no_ranges
@@ -288,7 +300,10 @@ class _EarlyRecs:
 def _say_what_is_missing(
     following: Following, warn: Callable[[object], None], still_to_come: tuple[str, ...] = ("OSNMA keys", "RECS")
 ) -> None:
-    """Warn of data that the first epoch lacked, except data that may still arrive for later epochs."""
+    """Print the notes of the recording, the missing data, and the warnings about the assistance.
+
+    Missing data whose warning begins with one of `still_to_come` may still arrive, and are left out.
+    """
     found = following.folder.found
     missing = (line for line in found.missing if not line.startswith(still_to_come))
     for line in (*following.live.description.notes, *missing, *found.warnings):

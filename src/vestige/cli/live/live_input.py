@@ -40,12 +40,13 @@ def opened_live(
     told: bool,
     around_s: float,
 ) -> LiveRecording:
-    """Return a recording that is still being written, with its pipes open.
+    """Return a recording that is still being written; threads begin to read its pipes.
 
     `options` has the values of the command's options by parameter name. `around_s` is the parameter `uncertainty_s` of
     `LiveRecording`. The other parameters are parameters of `LiveRecording` with the same names.
 
-    The function raises `VestigeError` if the buffer of a pipe is too small, or a pipe cannot be opened.
+    The function raises `VestigeError` if the buffer of a pipe is too small, or if the recording has no E6 samples or no
+    time tag.
     """
     from vestige.recording.live.live_recording import LiveRecording
 
@@ -64,9 +65,11 @@ def opened_live(
 def live_tracking(
     description: RecordingDescription, options: dict[str, Any], warn: Callable[[object], None]
 ) -> LiveTracking | None:
-    """Return the tracking of E1, or None if the options or the recording make tracking unnecessary.
+    """Return the tracking of E1, or None if E1 is not tracked.
 
-    The function raises `InputFileError` if `--track` is given, and the recording has no E1 samples.
+    E1 is not tracked with `--no-track`. Without `--track`, E1 is not tracked either if there are observations, or if
+    the recording has no E1 samples. The function raises `InputFileError` if `--track` is given, and the recording has
+    no E1 samples.
     """
     from vestige.recording.live.live_tracking import LiveTracking
     from vestige.recording.live.received_message import ReceivedMessage

@@ -84,7 +84,7 @@ def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Ca
     InputFileError
         If an existing file cannot be continued.
     VestigeError
-        If pymavlink is needed and not installed.
+        If pymavlink is needed, and is missing or too old, or if the address of `--mavlink` cannot be used.
     """
     writers: list[Callable[[Step, GalileoTime], None]] = []
     with ExitStack() as stack:

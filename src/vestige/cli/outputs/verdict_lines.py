@@ -1,4 +1,4 @@
-"""Define the objects that `--json` prints, and generate the JSON schemas of these objects.
+"""Define the objects that `--json` of `vestige process` and `vestige live` prints, and generate their JSON schemas.
 
 Times are text, except week and second of GST. A number that was not measured is null.
 """
@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line of `vestige live --json`: counts of snapshots, and the satellites that were never found on E1."""
+    """The last line of `vestige live --json`: counts of snapshots, and satellites with RECS never found on E1."""
 
     kind: Literal["end"]
     snapshots: _Count

@@ -39,9 +39,9 @@ def command(path: Path, **options: Any) -> None:
     PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
     file of E1 observations.
 
-    The satellites of E1 and E6 are listed. If no satellite is found with the description, other descriptions are tried.
-    The other descriptions have exchanged bands, or another sampling rate, number format, sense of the spectrum or
-    centre frequency.
+    Unless --quick is given, the satellites found on E1 and E6 are listed. If no satellite is found with the
+    description, other descriptions are tried. The other descriptions have exchanged bands, or another sampling rate,
+    number format, sense of the spectrum or centre frequency.
     """
     import json
 

@@ -88,8 +88,9 @@ def command(recording_path: Path, **options: Any) -> None:
 
     RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or a single file of these kinds. For
     each RECS the command tests whether the encrypted signal in E6 arrives at the time that E1 predicts. The command
-    also tests whether this signal was received before anybody could know the key. If there are no observations, E1 is
-    tracked in the samples. For a recording that is still being written, use `vestige live`.
+    also tests whether this signal was received before anybody could know the key. E1 is tracked if there are no
+    observations, and the E1 samples last at least 2 s (see --track). For a recording that is still being written, use
+    `vestige live`.
     """
     from contextlib import ExitStack
     from dataclasses import replace
@@ -216,7 +217,7 @@ def prepared(
 
 
 def _span(recording: Recording, late_s: float) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the times of the first and the last E6 sample on the clock of the signal; None without E6."""
+    """Return the times at which the E6 samples begin and end, on the clock of the signal; None without E6."""
     e6 = recording.e6
     return None if e6 is None else (e6.start + -late_s, e6.start + (e6.duration_s - late_s))
 

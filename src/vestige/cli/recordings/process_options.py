@@ -246,14 +246,14 @@ def check_processor_usage(options: dict[str, Any]) -> None:
 
 
 def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
-    """Return the files and folders that the command line names as inputs."""
+    """Return the recording and the inputs that the options name, except the assistance folder; None without a name."""
     return (recording, *(options[name] for name in _READ), *options["certificates"])
 
 
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
     """Read the named keys, tree and certificates, and list the folders, to find errors before E1 is tracked.
 
-    The function raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
+    The function raises `InputFileError`, `AuthenticationError` or `UnsupportedError` if a file cannot be used.
     """
     from vestige.crypto.file_bytes import list_folder
     from vestige.crypto.recs.file_signature import load_public_key

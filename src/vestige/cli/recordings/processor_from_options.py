@@ -34,7 +34,10 @@ def processor_from_options(
     Raises
     ------
     click.UsageError
-        If two checks have the same name, or the bank of correlators is too short or too long.
+        If two checks have the same name, the bank of correlators is too short or too long, or the options of
+        `usual_levels` contradict each other or have invalid values.
+    VestigeError
+        If the navigation file, or a detector or check of the user, cannot be used.
     """
     from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget

@@ -115,7 +115,7 @@ def command(scenario: Path, **options: Any) -> None:
 
 
 def _check_band(path: Path, scenario: CampaignScenario) -> None:
-    """Raise `InputFileError` if the sampling rate or the filter is too narrow for the signals of a constellation."""
+    """Raise `InputFileError` if the sampling rate is too low, or the filter too narrow, for a constellation."""
     from vestige.scenario.limits import check_recorded_band
     from vestige.scenario.toml.toml_file import InconsistentSettingsError
 

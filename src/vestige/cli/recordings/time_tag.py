@@ -75,7 +75,11 @@ def on_signal_clock(step: Step, late_s: float) -> Step:
 
 
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time tag in s if E1 samples alone give the time, modulo 100 ms; otherwise 0."""
+    """Return the uncertainty of the time tag in s that a search must cover, at most `MAX_LABEL_S`; 0 without a search.
+
+    No search is needed if there are E1 observations, or if the uncertainty is at most `TIME_TAG_TOLERANCE_S`. In other
+    cases the E1 samples give the time only modulo 100 ms.
+    """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
@@ -89,10 +93,10 @@ def label_error_s(
     processor: AcasProcessor,
     say: Callable[[object], None],
 ) -> float:
-    """Search the samples for RECS, give the result to `say`, and return the error of the time tag in s.
+    """Search the samples for RECS, give warnings to `say`, and return the error of the time tag in s.
 
     The error is positive if the time tag is ahead of the time of the RECS. The result is 0 if no RECS is found, or if
-    the error is at most `TIME_TAG_TOLERANCE_S`.
+    the magnitude of the error is at most `TIME_TAG_TOLERANCE_S`.
     """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.observations.time_tag_search import search_label

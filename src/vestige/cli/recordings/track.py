@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @threads_option("Number of threads that track E1.")
 @stdin_options
 def command(recording_path: Path, **options: Any) -> None:
-    """Track E1 of RECORDING, and write observations, navigation message and correlators of every satellite.
+    """Track E1 of RECORDING, and write observations, navigation message and correlators of every tracked satellite.
 
     The command writes RINEX observations and navigation, I/NAV pages for `vestige osnma verify`, correlators, and the
     power of each satellite. With `-` as RECORDING, samples of E1 are read from standard input, or samples of both bands

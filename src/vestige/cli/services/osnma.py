@@ -49,8 +49,8 @@ def verify_command(
     The command verifies the public key against the Merkle tree, and the root key against the public key. Every key is
     verified against the root key, and MACSEQ and tags are verified against the keys. With a public key alone, you vouch
     for that key. With a Merkle tree alone, the public keys in the tree are used. A newer public key in the messages is
-    used if it leads to the root of the Merkle tree. The exit code is 1 if the root key or any key does not verify. With
-    -o, all validated keys are written even if the exit code is 1.
+    used if it leads to the root of the Merkle tree. The exit code is 1 if a root key or a key does not verify, or if no
+    key is validated. With -o, all validated keys are written even if the exit code is 1.
     """
     import json
 

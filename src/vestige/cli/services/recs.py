@@ -92,8 +92,8 @@ def decrypt_command(
     """Decrypt the RECS in FILE with validated OSNMA keys.
 
     The output contains the transmitted chips of every RECS whose key is in the key file, one RECS after another. The
-    chips of each RECS are padded to a whole byte. The report lists every RECS with the first byte and the number of
-    bytes of its chips in the output. Without -o only the report is printed.
+    chips of each RECS are padded to a whole byte. The report lists every RECS. For a decrypted RECS, the report has the
+    first byte and the number of bytes of the chips in the output. Without -o only the report is printed.
     """
     import json
 

@@ -40,7 +40,7 @@ from vestige.cli.terminal import echo, warn
 @start_option
 @json_option
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:
-    """Make RECS for a recording with open E6-C, from its chips and a validated OSNMA key.
+    """Make RECS for a recording with open E6-C, from the chips of the open code and validated OSNMA keys.
 
     The command writes all files that `vestige process --assistance` needs: RECS, BGD (zero, because the true values are
     not known), the keys and their trust anchor. RECS that are made in this way contain the open code, which everybody

@@ -37,7 +37,7 @@ def command(folder: Path) -> None:
 def write_scenarios(folder: Path) -> list[Path]:
     """Write a new folder `scenarios` into `folder`, and return the files in the new folder.
 
-    The function raises `InputFileError` if the folder `scenarios` exists.
+    The function raises `InputFileError` if `folder` already contains a file or folder `scenarios`.
     """
     from vestige.scenario.shipped import shipped_scenarios
 

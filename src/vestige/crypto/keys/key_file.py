@@ -1,7 +1,7 @@
 """Read and write files with TESLA keys.
 
 The key file of an assistance folder is a CSV file that contains the proof of its keys. In addition to the keys, the
-file has the signed DSM-KROOTs to which the keys lead, so a reader needs only the public key::
+file has the signed DSM-KROOTs to which the keys lead, so a reader needs only the public key or the Merkle tree::
 
     # vestige OSNMA keys 2
     # public key,<DSM-PKR, hex>
@@ -18,9 +18,9 @@ If a root key is signed with a broadcast public key, the file has the DSM-PKR of
 DSM-PKR, the reader needs the Merkle tree.
 
 For each root key and alert message the file states the subframe of reception. The file also has root keys with the
-status "don't use" or with a revocation. The reader refuses keys that a root key of the file withdraws
-(`chain_register`). The file proves that the keys are genuine. The writer of a file can leave out root keys that
-withdraw other keys, so the file does not prove that no key was withdrawn.
+status "don't use" or with a revocation. The reader refuses a file with a key that a root key or an alert message of the
+file withdraws (`chain_register`). The file proves that the keys are genuine. The writer of a file can leave out root
+keys that withdraw other keys, so the file does not prove that no key was withdrawn.
 
 Files of version 1 lack the time of reception and the status of root keys. Files of version 1 are readable if none of
 their root keys withdraws a chain.
@@ -107,11 +107,12 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree
 
     Public keys that were broadcast are verified against the root of `tree`.
 
-    The function raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or if a
-    root key or an alert in the file withdraws a key. The function raises `VestigeError` if a root key is signed with a
-    public key that was not given. The function raises `InputFileError` if the file is not a key file, is cut off, or
-    contradicts itself. The function raises `UnsupportedError` if a root key uses a part of the standard that vestige
-    does not support.
+    The function raises `AuthenticationError` if a public key, a root key's signature, a key or its chain does not
+    verify, or if a root key or an alert in the file withdraws a key. A broadcast public key does not verify without
+    `tree`. The function raises `VestigeError` if a root key is signed with a public key that was not given. The
+    function raises `InputFileError` if the file cannot be read, is not a key file, is cut off, or contradicts itself.
+    The function raises `UnsupportedError` if a root key or a public key uses a part of the standard that vestige does
+    not support.
     """
     lines = _lines(path)
     roots: list[tuple[int, RootKey]] = []

@@ -155,9 +155,9 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[Publi
     the numbers of all known keys. An older public key may have been revoked, and an attacker who has its private key
     can send the old DSM-PKR again [OSNMA-RG, 4.2].
 
-    The function raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is
-    older than a known key. The function raises `UnsupportedError` if the message contains no key (an alert message or a
-    reserved type).
+    The function raises `AuthenticationError` if the message is malformed or leads to another root, or if an unknown key
+    is refused. The function raises `UnsupportedError` if the message contains no key (an alert message or a reserved
+    type).
 
     Parameters
     ----------

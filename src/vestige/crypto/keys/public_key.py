@@ -1,9 +1,9 @@
 """Define the public keys that verify OSNMA's root keys, and the basis of the trust in each public key.
 
-A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but cannot verify signatures. A
-claimed key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of
-the Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree takes the
-responsibility for the key.
+A key from a public key file or a Merkle tree file is a `ClaimedPublicKey`, which cannot verify signatures. A claimed
+key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of the
+Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree takes the responsibility
+for the key. For a key from a signal, `merkle_tree.verify_broadcast_key` verifies the DSM-PKR and returns a `PublicKey`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimedPublicKey:
-    """A public key from a file or from the signal, not yet verified."""
+    """A public key that is not yet verified, for example from a file."""
 
     pkid: int | None  # number of the key, PKID 0 to 15; None if the source does not give it (PEM)
     leaf: int | None  # index 0 to 15 of the leaf in the Merkle tree; None if the source does not give it

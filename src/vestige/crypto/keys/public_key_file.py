@@ -30,8 +30,8 @@ _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 def read_public_key(path: Path) -> ClaimedPublicKey:
     """Return the untrusted public key of an XML file (elements PKID, PKType, i, point) or of a PEM file.
 
-    The function raises `InputFileError` if the file has neither form. The function raises `UnsupportedError` if the key
-    is not ECDSA P-256 or P-521.
+    The function raises `InputFileError` if the file cannot be read, has neither form, or has invalid values or several
+    keys. The function raises `UnsupportedError` if the key is not ECDSA P-256 or P-521.
     """
     text = _read_text(path)
     if "-----BEGIN" in text:
@@ -50,9 +50,9 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
 def read_merkle_tree(path: Path) -> MerkleTree:
     """Return the unverified Merkle tree of an XML file.
 
-    The function raises `InputFileError` if the file is not a Merkle tree publication, or lacks the root of the tree.
-    The function raises `UnsupportedError` if the tree has another shape, hash function or kind of key than the Merkle
-    tree of OSNMA.
+    The function raises `InputFileError` if the file cannot be read, is not a Merkle tree publication, has invalid
+    values, or lacks the root of the tree. The function raises `UnsupportedError` if the tree has another shape, hash
+    function or kind of key than the Merkle tree of OSNMA.
     """
     text = _read_text(path)
     try:
@@ -85,9 +85,10 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
     If both files are given, only the key of the public key file is returned. Without a Merkle tree the public key is
     used because the user trusts the key.
 
-    The function raises `AuthenticationError` if a key does not lead to the root of the tree. The function raises
-    `InputFileError` or `UnsupportedError` if a file cannot be read. The function raises `ValueError` if neither file is
-    given.
+    The function raises `AuthenticationError` if a key does not lead to the root of the tree, or is not a point on the
+    curve. The function raises `InputFileError` or `UnsupportedError` if a file cannot be used. `InputFileError` is also
+    raised if only a Merkle tree file is given, and the file has no public key. The function raises `ValueError` if
+    neither file is given.
     """
     if public_key is None and merkle_tree is None:
         raise ValueError("needs a public key or a Merkle tree")

@@ -46,7 +46,7 @@ def write_public_key_xml(path: Path, claim: ClaimedPublicKey, applicable_from: G
     Raises
     ------
     VestigeError
-        If the number or the leaf of the key is unknown.
+        If the number or the leaf of the key is unknown, or the point does not have the length of a compressed point.
     OSError
         If the file cannot be written.
     """
@@ -73,7 +73,7 @@ def write_merkle_tree(path: Path, tree: MerkleTree, applicable_from: GalileoTime
     Raises
     ------
     VestigeError
-        If the number or the leaf of a key is unknown.
+        If the number or the leaf of a key is unknown, or a point does not have the length of a compressed point.
     OSError
         If the file cannot be written.
     """

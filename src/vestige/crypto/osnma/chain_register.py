@@ -8,9 +8,9 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
   usable, if the root key says "test" or "operational" and names its own chain as in force. "Public key revoked" also
   revokes the public keys before the key that signed the root key.
 * A withdrawn chain becomes usable again only with its own root key. This root key must say "test" or "operational",
-  and must certainly be newer than the withdrawal. A root key with a time after the withdrawal is newer, because no key
-  of the chain is public before its time. A root key of the chain that the withdrawal announced as next chain is newer,
-  because the next chain was not in force before.
+  must name its own chain as in force, and must certainly be newer than the withdrawal. A root key with a time after the
+  withdrawal is newer, because no key of the chain is public before its time. A root key of the chain that the
+  withdrawal announced as next chain is newer, because the next chain was not in force before.
 * An alert message is final, because no message that could end the alert is trusted any more [OSNMA-RG, 4.2.3].
 * A root key that is signed with a revoked public key is not accepted. The keys of a chain without an accepted root key
   are refused from the first withdrawal on.
@@ -18,12 +18,12 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
 earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
 withdrawal and later than the withdrawing root key. The root key must also be later than the root keys of the chain that
-were known before. These conditions do not apply to root keys of the chain that the withdrawal announced as next chain.
-The times of root keys are signed.
+were known at the withdrawal. These conditions do not apply to root keys of the chain that the withdrawal announced as
+next chain. The times of root keys are signed.
 
 An attacker may record a genuine withdrawal, and send the withdrawal to a receiver that did not receive it before. The
 receiver treats the withdrawal as new, and then has no keys until the root key of the next hour. In return, the receiver
-never misses a withdrawal.
+also obeys a genuine withdrawal that arrives late.
 """
 
 from __future__ import annotations

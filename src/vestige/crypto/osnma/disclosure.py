@@ -1,9 +1,9 @@
 """Decide whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
 
-After the disclosure of a key, anybody can make the chips of the RECS of this key. So a correlation is a proof only if
-the correlated samples end early enough. The time from the last correlated sample to the disclosure must be longer than
-the possible error of the receiver's clock. Only `provably_before_disclosure` makes this decision, for one snapshot and
-for arrays.
+After the disclosure of a key, anybody can make the chips of the RECS of this key. So a correlation with these chips is
+evidence of the true signal only if the correlated samples end early enough. The time from the last correlated sample to
+the disclosure must be longer than the possible error of the receiver's clock. Only `provably_before_disclosure` makes
+this decision, for one snapshot and for arrays.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 Blocks are collected in two ways. The collection from all satellites together is fast. The separate collection from each
 satellite ensures that a satellite with false blocks cannot prevent the completion of another satellite's message. A
-complete message is not trusted before its signature is verified.
+complete message is not trusted before its signature, or its path in the Merkle tree (DSM-PKR), is verified.
 
 A message is returned again when it comes with an earlier time of reception than before. The time of reception is not
-signed, so the first time may be false. A withdrawal has to count from the earliest time. The verifier stores its
-results, so a message that is returned again needs no second signature check.
+signed, so the time that was stored first may be false. The withdrawal of a chain has to count from the earliest time of
+reception. The verifier stores its results, so a message that is returned again needs no second signature check.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class DsmCollector:
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
 
-        The function raises `UnsupportedError` if block 0 gives a reserved number of blocks.
+        The function raises `UnsupportedError` if block 0 gives a reserved number of blocks, and no message is returned.
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:

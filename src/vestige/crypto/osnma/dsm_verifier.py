@@ -23,8 +23,8 @@ class DsmVerifier:
     """Verifier that collects DSM blocks, verifies complete messages, and enters the results in the register of chains.
 
     Broadcast public keys and alert messages are verified against `tree`. Without `tree`, the verifier ignores broadcast
-    public keys and alert messages. A verified broadcast key is used like the keys in `public_keys`, also for earlier
-    root keys.
+    public keys and alert messages. A verified broadcast key is used like the keys in `public_keys`, also for root keys
+    that were received earlier.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class DsmVerifier:
         )
 
     def _take_earlier(self, place: int, time: GalileoTime) -> None:
-        """Note that a message was already received at an earlier time, unless the message was refused."""
+        """Note an earlier reception of a DSM-KROOT, unless it was refused or its public key is revoked."""
         check = self.roots[place]
         if check.root is None:
             return

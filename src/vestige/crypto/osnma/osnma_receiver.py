@@ -1,9 +1,9 @@
 """Get validated TESLA keys and verified tags from I/NAV pages, as an OSNMA receiver does.
 
 Pages are collected into subframes (`page_intake`), and subframes into DSM-KROOTs. A public key verifies the signature
-of a DSM-KROOT (`dsm_verifier`). A verified DSM-KROOT gives a chain (`tesla`), along which the keys are validated.
-Keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). Only the DSM-KROOT gives the layout
-of the MACK message, so subframes wait until a DSM-KROOT is received.
+of a DSM-KROOT (`dsm_verifier`). A verified DSM-KROOT gives a chain (`tesla`), along which the keys are validated. Keys
+verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). Only the DSM-KROOT gives the layout of
+the MACK message, so subframes wait until a root key of their chain is verified.
 
 The receiver takes pages as they come, and returns keys as soon as they are valid. Several satellites send the same key
 at the same time. A satellite with a different key is reported. The different key is accepted only if it belongs to the
@@ -161,8 +161,8 @@ class OsnmaReceiver:
     def forget(self, before: GalileoTime) -> None:
         """Drop data that was received before a time, so that the memory use of a long run is limited.
 
-        Signed data is kept. Keys of subframes earlier than `before` are not returned again. Subframes earlier than
-        `before` that still wait for a root key are dropped.
+        Root keys, public keys and alert messages are kept. `filled_keys` and `report` no longer return keys of
+        subframes earlier than `before`. Subframes earlier than `before` that still wait for a root key are dropped.
         """
         limit = before.gst_seconds
         self._keys = {time: key for time, key in self._keys.items() if time >= limit}
@@ -230,7 +230,7 @@ class OsnmaReceiver:
         return keys
 
     def _read(self, epoch: Epoch) -> _Message | None:
-        """Return the OSNMA of a subframe, and store its navigation words for the next subframe."""
+        """Store the navigation words of a subframe, and return its OSNMA; None if no satellite has an NMA header."""
         before = dict(self._navigation)
         usable = []
         refusing = []
@@ -317,7 +317,7 @@ class OsnmaReceiver:
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:
-        """Withhold the keys that a new signed status refuses, and stop waiting for proofs of forged headers."""
+        """Withhold the keys that a new withdrawal refuses, and stop waiting for proofs of forged headers."""
         self._claims.clear()
         for key in tuple(self._keys.values()):
             refusal = self._register.refusal_of(key)

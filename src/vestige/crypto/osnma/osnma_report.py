@@ -56,7 +56,7 @@ class ProblemLog:
         self._problems.append(Problem(kind=kind, time=time, text=text))
 
     def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
-        """Add a problem, unless a problem with the kind `kind` and the text `text` was reported once before."""
+        """Add a problem, unless `report_once` was called before with the same kind and text."""
         if (kind, text) not in self._once:
             self._once.add((kind, text))
             self.report(kind, time, text + details)
@@ -182,12 +182,12 @@ class OsnmaReport:
 
     @property
     def verified_roots(self) -> tuple[RootKey, ...]:
-        """The root keys whose signature verifies."""
+        """The root keys that verify and whose public key was not revoked at the verification."""
         return tuple(check.root for check in self.roots if check.root is not None)
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Reasons why the root key or the chain does not verify; empty if root key and chain verify."""
+        """Reasons why a root key or a key does not verify, or why none is verified; empty without such a reason."""
         failures = [str(problem) for problem in self.problems if problem.kind in FAILING]
         if not self.verified_roots:
             ignored = (problem.text for problem in self.problems if problem.kind is ProblemKind.IGNORED)
@@ -199,9 +199,10 @@ class OsnmaReport:
         return tuple(failures)
 
     def raise_if_failed(self) -> None:
-        """Check that the root key and the chain verify.
+        """Check that `failures` is empty.
 
-        The function raises `AuthenticationError` with the first reason if the root key or the chain does not verify.
+        The function raises `AuthenticationError` with the first reason of `failures`, and with the number of other
+        reasons.
         """
         failures = self.failures
         if failures:

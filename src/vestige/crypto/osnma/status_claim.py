@@ -21,7 +21,7 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 
 def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
-    """Return the NMA status other than "don't use" that a tag proves; 0 if no tag proves a status.
+    """Return the NMA status other than "don't use" that a tag proves; 0 if no tag proves such a status.
 
     The result is None if the key of the next subframe, which verifies the tags, is not known. `navigation` contains the
     words by SVID that were received before the subframe. `chain` is the chain of the subframe's key.
@@ -43,7 +43,7 @@ def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, Navigati
 def _covered(
     mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]
 ) -> Iterator[tuple[Tag, NavigationData]]:
-    """Yield the tags outside flexible slots that the key of the next subframe verifies, with their data."""
+    """Yield tags outside flexible slots that the next subframe's key can verify, with each candidate of their data."""
     try:
         row = slots(chain.parameters, mack.time)
     except UnsupportedError:

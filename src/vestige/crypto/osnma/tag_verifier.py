@@ -20,7 +20,7 @@ MAX_RECOVERY_S = 86_400  # our limit for the age of a lost key that is computed 
 
 @dataclass(slots=True)
 class _Message:
-    """A MACK message whose keys have not yet arrived."""
+    """A MACK message with checks that wait for one or more keys."""
 
     mack: Mack
     slots: tuple[Slot, ...]
@@ -50,7 +50,7 @@ class TagVerifier:
         self._unsupported: set[str] = set()
 
     def add(self, mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]) -> None:
-        """Add the tags of one satellite and subframe; `navigation` has the words received before the subframe."""
+        """Add tags and MACSEQ of a satellite and subframe; `navigation` has the words received before the subframe."""
         try:
             row = slots(chain.parameters, mack.time)
         except UnsupportedError as error:
@@ -81,7 +81,7 @@ class TagVerifier:
                 self._do(check, key, chain)
 
     def counts(self) -> TagCounts:
-        """Return the counts of tags and MACSEQ fields; tags whose key has not arrived count as `no_key`."""
+        """Return the counts of tags and MACSEQ fields; tags that still wait for a key count as `no_key`."""
         waiting = [check for times in self._pending.values() for checks in times.values() for check in checks]
         return TagCounts(
             macseq=Count(*self._macseq),
@@ -94,7 +94,7 @@ class TagVerifier:
         )
 
     def navigation(self) -> tuple[AuthenticatedData, ...]:
-        """Return the navigation data that tags verified, by satellite and time."""
+        """Return the navigation data that tags verified, sorted by satellite, ADKD and time of the first tag."""
         return tuple(sorted(self._proven.values(), key=lambda data: (data.svid, data.adkd, data.first)))
 
     def forget(self, before: GalileoTime) -> None:

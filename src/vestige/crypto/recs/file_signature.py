@@ -9,8 +9,9 @@ these assumptions:
 
 * The algorithm is ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384,
   SHA-512).
-* The signature has the DER form of X9.62, or is r || s at the curve's length. vestige reads either form.
-* The user has checked the certificates. vestige does not check chain, purpose and period of validity of certificates.
+* The signature has the DER form of X9.62, or is r || s, the two numbers of the signature, each at the curve's length.
+  vestige reads either form.
+* The user has checked the certificates. vestige does not check chain, purpose or period of validity of certificates.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    The function raises `InputFileError` if the file has another form, or its key is not on P-256, P-384 or P-521.
+    The function raises `InputFileError` if the file cannot be read or has another form, or if its key is not on P-256,
+    P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
@@ -94,10 +96,11 @@ def verify_data(
 ) -> SignatureStatus:
     """Verify the signatures of a file's `data`, and return the status of the signatures.
 
-    A single signature that verifies with any key that the user trusts is enough. Error messages name `path`.
+    A single signature that verifies with any key that the user trusts is enough.
 
     The function raises `AuthenticationError` if a key for the curve of a signature is given, but no signature verifies.
-    The function raises `InputFileError` if a signature cannot be read.
+    The message of the `AuthenticationError` names `path`. The function raises `InputFileError` if a signature file
+    cannot be read.
     """
     if not signatures:
         return SignatureStatus.NOT_SIGNED

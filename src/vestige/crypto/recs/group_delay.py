@@ -123,8 +123,9 @@ def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | 
     `reference` is a time within ± 2048 weeks (39 years) of the header's time, and resolves the 12-bit week. Without
     `reference` the week is 0 to 4095.
 
-    The function raises `InputFileError` if the file does not have the layout of this module, or a value is beyond the
-    range ± 119 ns of the field. The function raises `UnsupportedError` if the interface version is unknown.
+    The function raises `InputFileError` if the file does not have the layout of this module, or a value is beyond
+    ± 119 ns, the range of a BGD in the navigation message. The function raises `UnsupportedError` if the interface
+    version is unknown.
     """
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
@@ -184,7 +185,7 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
 
 
 def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
-    """Write a BGD file with delays that are valid from one time into `folder`, and return the path of the file."""
+    """Write a BGD file into `folder` with delays that are all valid from one time, and return the path of the file."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")

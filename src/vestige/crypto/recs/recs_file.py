@@ -7,8 +7,8 @@ its name. A name in the form of `vestige.crypto.recs.recs_name` must agree with 
 
 The service's interface document is not public, so vestige makes these assumptions [SASLIB]:
 
-* An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur. tSTART is the start of the file,
-  RTBA is the time between two RECS, and tDur is the duration of the file.
+* An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur. tSTART is the time of the first
+  RECS, RTBA is the time between two RECS, and tDur is the time that the file covers.
 * WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary header (12 bits).
 * The time of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's time
   already includes the random offset.
@@ -146,8 +146,8 @@ class RecsFile:
 def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
-    The function raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its
-    name. The function raises `UnsupportedError` if the interface version of the file is unknown.
+    The function raises `InputFileError` if the file cannot be read, is not a RECS file, is truncated, or contradicts
+    itself or its name. The function raises `UnsupportedError` if the interface version of the file is unknown.
 
     Parameters
     ----------
@@ -155,7 +155,8 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
         File to read. If the file's name has the form of a RECS name, the name must agree with the header.
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. If None,
-        the file name resolves the week. Without a RECS name the week is taken as 0 to 4095, which is right until 2078.
+        the file name resolves the week. If the file name is not a RECS name either, the week is taken as 0 to 4095,
+        which is right until 2078.
     """
     return parse_recs_file(read_bytes(path, at_most=MAX_RECS_FILE_BYTES), path, reference=reference)
 

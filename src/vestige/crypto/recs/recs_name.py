@@ -7,8 +7,8 @@
 
 XXXX is the provider, II the interface version, ss the SVID, K the KDI, R RAND, N NChip, and VV the file version. The
 duration of the file is tdur, and the time between two RECS is rtba. YYDDDHHMMSSS is the start in the GST calendar:
-year, day of year, hour, minute, *deciseconds* of the minute. A name has tdur in whole *seconds* and rtba in
-*deciseconds*. The header of a file has tdur and rtba in deciseconds.
+year, day of year, hour, minute, *deciseconds* of the minute. An aggregated name has tdur in whole *seconds* and
+rtba in *deciseconds*. The header of an aggregated file has tdur and rtba in deciseconds.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ class RecsName:
 def parse_name(name: str) -> RecsName | None:
     """Return the fields of the file name; None if the name does not have the form of a RECS name (a renamed file).
 
-    The function raises `InputFileError` if the name has the form of a RECS name, but its date does not exist.
+    The function raises `InputFileError` if the name has the form of a RECS name, but its start is not a date and time
+    since 1999-08-22.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -95,7 +96,7 @@ def format_time_code(time: GalileoTime) -> str:
 def parse_time_code(text: str) -> GalileoTime:
     """Return the time of `YYDDDHHMMSSS`; year 99 is 1999, and years 00 to 98 are 2000 to 2098.
 
-    The function raises `ValueError` if the date or the time does not exist.
+    The function raises `ValueError` if `text` does not have 12 digits, or is not a date and time since 1999-08-22.
     """
     match = _TIME_CODE.fullmatch(text)
     if match is None:

@@ -3,7 +3,7 @@
 The server takes an encrypted code sequence (ECS), a part of the encrypted E6-C code that a satellite will transmit. The
 server encrypts the ECS again under an OSNMA key that is still secret. The server publishes the result, the RECS, up to
 a week ahead. The receiver records E6-C around the time of the RECS. After the key has been broadcast on E1-B, the
-receiver decrypts the RECS and correlates [WFO, Sec. II-A]::
+receiver decrypts the RECS and correlates the recorded samples with the chips [WFO, Sec. II-A]::
 
     GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
     P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
@@ -61,7 +61,7 @@ class SegmentLength:
 
     @property
     def n_chips(self) -> int:
-        """Number of chips that are correlated. The padding may not be on air, and is not correlated."""
+        """Number of chips that are correlated. The padding is possibly not on air, and is not correlated."""
         return self.duration_ms * E6C.code_length
 
 

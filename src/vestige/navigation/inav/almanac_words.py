@@ -1,8 +1,8 @@
-"""Encode and decode the almanac, a set of coarse orbits of three satellites in words 7 to 10 [OS-ICD, 5.1.10].
+"""Encode and decode the almanac, coarse orbits in sets of up to three satellites in words 7 to 10 [OS-ICD, 5.1.10].
 
-The almanac shows a receiver which satellites are in view. Positions from the almanac have errors of some kilometres. A
-satellite whose orbit does not fit into the fields is not in the almanac. Examples are the two satellites in eccentric
-orbits.
+The almanac shows a receiver which satellites are in view. Satellite positions from the almanac have errors of some
+kilometres. A satellite whose orbit or clock does not fit into the fields is not in the almanac. Examples are the two
+satellites in eccentric orbits.
 """
 
 from __future__ import annotations
@@ -133,7 +133,8 @@ class AlmanacSet:
     t0a
         Time to which the entries refer, a multiple of 600 s.
     entries
-        Entries of one to three satellites. The remaining entries of the words are sent empty.
+        One to three entries, of which some may be empty. The words carry three entries, so missing entries are sent
+        empty.
     gps_time
         Offset between Galileo and GPS time in word 10; None without an offset.
     """
@@ -173,7 +174,7 @@ class AlmanacSet:
 
     @classmethod
     def from_words(cls, words: Mapping[int, int], received: GalileoTime) -> AlmanacSet | None:
-        """Return the set in words 7 to 10; None if a word is missing or the words are of several issues.
+        """Return the set in words 7 to 10; None if a word is missing, or the words have different IODa or t0a.
 
         Parameters
         ----------
@@ -206,7 +207,7 @@ def almanac_sets(
 ) -> tuple[AlmanacSet, ...]:
     """Return the almanac sets of a constellation, with up to three satellites in a set.
 
-    Satellites whose orbit does not fit into the fields are left out.
+    Satellites whose orbit or clock does not fit into the fields are left out.
 
     Parameters
     ----------

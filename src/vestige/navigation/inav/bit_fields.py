@@ -56,7 +56,7 @@ class BitField:
         return self.unit == "rad" and math.isclose(self.scale * (1 << self.length), _TURN_RAD, rel_tol=1e-12)
 
     def physical(self, raw: int) -> float:
-        """Return the physical value of a raw integer in `unit`. A plain number stays an integer.
+        """Return the physical value of a raw integer in `unit`. If `scale` is 1, the value stays an integer.
 
         Parameters
         ----------

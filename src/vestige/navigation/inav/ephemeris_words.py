@@ -1,9 +1,9 @@
 """Encode and decode the ephemeris of a satellite in the I/NAV words 1 to 5 [OS-ICD, 4.3.5].
 
 A toe or toc in the message counts minutes of a week that the message does not name. The decoder uses the week that
-gives the time nearest to reception. From a decoded ephemeris, the encoder restores the field values of words 1 to 4,
-but a spare SISA index becomes 255. Values of any other ephemeris are rounded to the steps of the message.
-`as_broadcast` returns the ephemeris that a receiver decodes after the rounding.
+gives the time nearest to reception. From a decoded ephemeris, the encoder restores words 1 to 4, but a spare SISA
+index becomes 255, and spare and reserved bits get their pattern. Values of any other ephemeris are rounded to the steps
+of the message. `as_broadcast` returns the ephemeris that a receiver decodes after the rounding.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def status_word(
     start
         Start of the page that carries the word, in whole seconds.
     ionosphere
-        Coefficients of the ionosphere model.
+        Coefficients and disturbance flags of the ionosphere model.
     e5b_health, e5b_data_valid
         Health and data validity of E5b; None for the value of E1-B.
 
@@ -143,7 +143,8 @@ def status_word(
 def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
     """Return the ephemeris that a receiver decodes from the words of an ephemeris.
 
-    The reference times toe and toc are moved to the previous whole minute. Then every field is rounded.
+    The time toe is moved back to a whole minute. The time toc is moved by as much as toe, and then back to a whole
+    minute. Then every field is rounded.
 
     Parameters
     ----------

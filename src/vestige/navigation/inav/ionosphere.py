@@ -29,7 +29,8 @@ class BroadcastIonosphere:
         level in solar flux units. If all coefficients are zero, no coefficients are available, and NeQuick-G takes its
         default.
     disturbed_regions
-        Five flags as a number, 0 to 31. The most significant bit belongs to region 1, the northernmost region.
+        Disturbance flags of the five regions as a number, 0 to 31. The most significant bit belongs to region 1, the
+        northernmost region.
 
     Examples
     --------
@@ -54,12 +55,12 @@ class BroadcastIonosphere:
         )
 
     def as_sent(self) -> BroadcastIonosphere:
-        """Return the values that word 5 carries, each rounded to the last bit of its field.
+        """Return the model as word 5 carries it, with each coefficient rounded to the last bit of its field.
 
         Raises
         ------
         VestigeError
-            If a value does not fit into its field.
+            If a coefficient does not fit into its field.
         """
         by_name = word_layout(_WORD).by_name
         return BroadcastIonosphere(

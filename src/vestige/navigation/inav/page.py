@@ -7,7 +7,8 @@ A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
 
 The 112 + 16 data bits are one navigation word of 128 bits. The OSNMA message of a subframe consists of the 40 OSNMA
 bits of each of its 15 pages. The checksum covers all bits before the checksum except the tail of the even half. A good
-checksum means a correct decoding, but proves nothing about the page's origin, because anybody can compute the checksum.
+checksum almost certainly means a correct decoding. A good checksum proves nothing about the page's origin, because
+anybody can compute the checksum.
 """
 
 from __future__ import annotations

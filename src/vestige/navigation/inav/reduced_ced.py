@@ -1,13 +1,14 @@
 """Encode and decode reduced clock and ephemeris data, the coarse orbit and clock in word 16 [OS-ICD, reduced CED].
 
-A receiver that has just started computes a first fix from word 16 before words 1 to 4 are complete. The error of the
+A receiver that has just started can compute a first fix from word 16 before words 1 to 4 are complete. The error of the
 first fix is tens to hundreds of metres. The word contains six orbital elements relative to a nominal orbit, and a
 clock::
 
     A = 29 600 km + ΔA,   e = √(ex² + ey²),   ω = atan2(ey, ex),   M0 = λ0 − ω,   i0 = 56° + Δi0
 
-The elements refer to the start of the first page of the subframe that carries the word. The elements are computed anew
-for each subframe. An orbit that is too eccentric for the fields has no word 16.
+The elements and the clock refer to the start of the first page of the subframe that carries the word. Only the
+longitude of the ascending node is given for the start of the week. The elements are computed anew for each subframe. An
+orbit that is too eccentric for the fields has no word 16.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class ReducedCed:
     delta_i0_rad
         Inclination minus the nominal inclination, in rad.
     omega0_rad
-        Longitude of the ascending node at the start of the week, in rad.
+        Longitude of the ascending node at the start of the week of the reference time, in rad.
     lambda0_rad
         Mean anomaly plus argument of perigee, M0 + ω, in rad.
     af0_s, af1
@@ -131,7 +132,7 @@ class ReducedCed:
         ).encode()
 
     def ephemeris(self, svid: int, time: GalileoTime) -> Ephemeris:
-        """Return the orbit and clock as an ephemeris, which is valid for the minutes after reception.
+        """Return the orbit and clock as an ephemeris, which is accurate only for some minutes after reception.
 
         Parameters
         ----------

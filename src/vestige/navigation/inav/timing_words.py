@@ -1,4 +1,7 @@
-"""Encode and decode the time in word 0, UTC in word 6 and the GPS time offset in word 10 [OS-ICD, 5.1.7, 5.1.8]."""
+"""Encode the time in word 0, and encode and decode UTC in word 6 and the GPS time offset in word 10.
+
+The interface document defines the models of UTC and of the GPS time offset [OS-ICD, 5.1.7, 5.1.8].
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ class UtcModel:
 
     @classmethod
     def at(cls, time: GalileoTime) -> UtcModel:
-        """Return the model that satellites send at a time, with the leap seconds from `vestige.time`.
+        """Return the model that simulated satellites send at a time, with the leap seconds from `vestige.time`.
 
         Parameters
         ----------

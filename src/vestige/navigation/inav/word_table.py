@@ -1,8 +1,8 @@
-"""List the fields of every I/NAV word, as the interface document does [OS-ICD, 4.3.5].
+"""List the fields of the I/NAV words 0 to 10 and 16 to 20, as the interface document does [OS-ICD, 4.3.5].
 
 Encoder and decoder take the positions of the fields from this table. Every word has 128 bits and begins with six bits
-of type. Names and units are the same as in `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved
-bits carry the pattern that satellites send.
+of type. Most fields of orbit and clock have the names and units of `Ephemeris`. Angles are in rad instead of
+semicircles. By default, spare and reserved bits carry the pattern that satellites send.
 """
 
 from __future__ import annotations

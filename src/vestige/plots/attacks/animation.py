@@ -1,4 +1,4 @@
-"""Animate the correlation function of each epoch, with the signal that each detector found."""
+"""Animate the correlation function over time, with the signal that each detector found."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def write_animation(
     Raises
     ------
     VestigeError
-        If the results lack the satellite.
+        If a variable of the results is missing or invalid, or the results lack the satellite. If `svid` is None for
+        several satellites. If `path` is a symbolic link, a device or a pipe, or lies in the store of a campaign.
     ValueError
         If the suffix of `path` is not `.gif`.
     """

@@ -40,7 +40,8 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     gap while the signal is off. A dashed line marks the edge of the bank of correlators if measured offsets come near
     this edge.
 
-    The function raises `VestigeError` if the campaign has no attack, or lacks the satellite.
+    The function raises `VestigeError` if the campaign has no attack or lacks the satellite, or if a variable is missing
+    or invalid. The error is also raised if `svid` is None for several satellites.
     """
     if not is_attacked(results):
         raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")
@@ -81,7 +82,10 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
 def spoofing_power_and_offset(
     selected: xarray.Dataset,
 ) -> tuple[Float[np.ndarray, "n_epochs n_attacks"], Float[np.ndarray, "n_epochs n_attacks"]]:
-    """Return power in dB and range offset in m of the spoofing signals; NaN while a signal is off."""
+    """Return the E6 power over the true signal in dB, and the range offset in m, of the spoofing signals.
+
+    Both values are NaN while a signal is off.
+    """
     power_db = selected["truth_spoofer_power_db"].transpose("epoch", "attack").values.astype(np.float64)
     later_m = selected["truth_spoofer_offset_m"].transpose("epoch", "attack").values.astype(np.float64)
     on = np.isfinite(power_db)

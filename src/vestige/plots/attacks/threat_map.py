@@ -44,7 +44,7 @@ MEANINGS = {
 
 
 def threat_map(table: xarray.Dataset) -> Axes:
-    """Draw the map with a line for each attack and scene and a column for each level, and return the axes.
+    """Draw the map with a line for each scene, grouped by attack, and a column for each level, and return the axes.
 
     A cell has the outcome as a word, and the shares in % of the runs that were detected, that were mitigated, and that
     had a wrong range in use. If the outcome was not expected, the cell also has the expected outcome. A cell of a scene

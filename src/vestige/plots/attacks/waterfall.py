@@ -25,15 +25,17 @@ _VIEW = {"elev": 44.0, "azim": -66.0}  # direction of view in °, in which time 
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as a surface over tap offset and time.
 
-    The campaign begins at the front of the surface. Only epochs with RECS are drawn. In a long campaign only every k-th
-    epoch with RECS is drawn, without averaging. An epoch with RECS but without a correlation is a gap.
+    The campaign begins at the front of the surface. If any epoch has a RECS, only epochs with RECS are drawn. In a long
+    campaign only every k-th epoch with RECS is drawn, without averaging. An epoch with RECS but without a correlation
+    is a gap.
 
     `ax` must have the projection `3d`.
 
     Raises
     ------
     VestigeError
-        If the results lack the satellite.
+        If a variable of the results is missing or invalid, or the results lack the satellite. If `svid` is None for
+        several satellites.
     ValueError
         If `ax` does not have the projection `3d`.
     """
@@ -63,11 +65,12 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as colours over time and tap offset.
 
-    Only epochs with RECS are drawn. The colour of an epoch reaches halfway to the neighbouring epochs with RECS. In a
-    long campaign only every k-th epoch with RECS is drawn, without averaging. An epoch with RECS but without a
-    correlation is white.
+    If any epoch has a RECS, only epochs with RECS are drawn. The colour of an epoch reaches halfway to the neighbouring
+    drawn epochs. In a long campaign only every k-th epoch with RECS is drawn, without averaging. An epoch with RECS but
+    without a correlation is white.
 
-    The function raises `VestigeError` if the results lack the satellite.
+    The function raises `VestigeError` if a variable of the results is missing or invalid, or the results lack the
+    satellite. The error is also raised if `svid` is None for several satellites.
     """
     shown = _thin(select(results, svid=svid), MAP_COLUMNS)
     ax = new_axes() if ax is None else ax
@@ -94,7 +97,10 @@ def _ticks_at_taps(axis: Axis, offsets_m: Float[np.ndarray, " n"]) -> None:
 
 
 def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
-    """Return the epochs with RECS, or every k-th epoch with RECS if there are more than `limit` epochs."""
+    """Return the epochs with RECS, or every k-th epoch with RECS if there are more than `limit` epochs with RECS.
+
+    If no epoch has a RECS, the function chooses among all epochs.
+    """
     if "recs" in shown.variables and (with_recs := np.flatnonzero(shown["recs"].values)).size:
         shown = shown.isel(epoch=with_recs)
     return shown.isel(epoch=thinned(shown.sizes["epoch"], limit))

@@ -71,7 +71,8 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     Raises
     ------
     VestigeError
-        If the sweep lacks the counts, or has impossible counts, such as more events than trials.
+        If the sweep lacks a C/N0 or a count, or has an impossible count, such as more events than trials. If the sweep
+        has more curves than colours.
     """
     kind = COUNTED_EVENTS[count]
     cn0_dbhz, trials, events = _counts(sweep, kind)

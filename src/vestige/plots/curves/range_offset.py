@@ -32,14 +32,15 @@ def range_offset(
     Parameters
     ----------
     limit_m
-        Largest range offset in m that passes the range check. Dashed lines at plus and minus this limit are drawn if an
-        offset is larger than half of the limit. With smaller offsets the dashed lines would make the scale of the axis
-        too coarse.
+        Largest range offset in m that passes the range check. Dashed lines at plus and minus this limit are drawn if
+        the magnitude of an offset is larger than half of the limit. If all offsets are smaller, the dashed lines would
+        make the scale of the axis too coarse.
 
     Raises
     ------
     VestigeError
-        If the results lack the detector or the satellite.
+        If a variable of the results is missing or invalid, or the results lack the detector or the satellite. If `svid`
+        is None for several satellites.
     """
     shown = select(results, detector=detector, svid=svid)
     time_s, offset_m, missed = column(shown, "time_s"), column(shown, "range_offset_m"), is_missed(shown)

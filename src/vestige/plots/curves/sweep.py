@@ -27,8 +27,9 @@ def sweep_of(
 
     The campaigns differ in C/N0, which is their attribute `cn0_dbhz`.
 
-    The function raises `VestigeError` if a campaign has no C/N0 or no correlation, or the campaigns differ in
-    integration time or P_fa.
+    The function raises `VestigeError` if a campaign has no C/N0 or no correlation, or if the campaigns differ in
+    integration time or P_fa. The error is also raised if a campaign lacks a variable, the detector or the satellite, or
+    if `svid` is None for several satellites.
     """
     rows = []
     for results in campaigns:
@@ -53,11 +54,12 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     The table has the column `cn0_dbhz`. The table also has the columns `trials` and `detections`, or
     `false_alarm_trials` and `false_alarms`, or all these columns. Theory needs the columns `integration_s` and `p_fa`,
     each with the same value in all rows. In place of `detections` the table may have a column for each detector, such
-    as `detections_early`. Columns before `cn0_dbhz` contain the scenario's keys that the sweep varies. The values of
-    the keys are kept as text in the variables `key NAME`. Other columns are ignored.
+    as `detections_early`. Columns before `cn0_dbhz` contain the values of the scenario's keys that the sweep varies.
+    The values are kept as text in the variables `key NAME`. Other columns are ignored.
 
-    The function raises `InputFileError` if the file is no CSV table, lacks the column `cn0_dbhz` or has no row, or if a
-    value in one of the columns above is not a valid number.
+    The function raises `InputFileError` if the file is no CSV table, lacks the column `cn0_dbhz` or has no row. The
+    error is also raised if a count, C/N0, `integration_s` or `p_fa` is not a valid number, or if `integration_s` or
+    `p_fa` differs between rows.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

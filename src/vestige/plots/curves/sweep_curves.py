@@ -19,14 +19,14 @@ _CN0_KEY = "receiver.cn0_dbhz"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepCurve:
-    """Rows of a sweep that differ only in the abscissa."""
+    """Rows of a sweep with the same values of all keys that are not the abscissa."""
 
     label: str  # values of the keys that are not the abscissa; empty if there is only one curve
     rows: Int[np.ndarray, " n"]  # numbers of the rows, ascending in the abscissa
 
 
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
-    """Return label and values of the abscissa of a sweep, which is C/N0, or the first numeric key if C/N0 is constant.
+    """Return label and values of a sweep's abscissa: C/N0, or the first varied numeric key if C/N0 is constant.
 
     A key whose values are not numbers separates curves (see `curves`).
     """

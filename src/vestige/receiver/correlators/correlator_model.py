@@ -10,12 +10,14 @@ the amplitude a_r, the delay τ_r after the hand-over's prediction and the resid
     R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
 A_d for d ≥ 1 is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular
-chips. The outputs are normalised so that the line of sight alone gives 1 in a tap at its delay. The model is exact for
-continuous time without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the
-tests show. Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
+chips. The outputs are normalised so that, without front end, noise and residual Doppler, the line of sight alone gives
+1 in a tap at its delay. The model is exact for continuous time without a front end. A correlation of samples at a rate
+incommensurate with the chip rate has the same distribution, as the tests show. Behind a filter or a quantiser, R_n
+replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d). R_n and R_h are defined in `front_end_correlation`.
 
 With several satellites, the other signals on air count as white noise (`other_signals`). Under attack, spoofing signals
-are further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap.
+are further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap or whose chips
+do not match.
 
 The noise floor is measured with N_c chips, so its relative standard deviation is 1/√N_c. The measured floor includes a
 part of the signal's own power.
@@ -84,7 +86,7 @@ class CorrelatorModel:
         return vectors * np.sqrt(np.maximum(power, 0.0))
 
     def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
-        """Return all random numbers of `n_epochs` banks."""
+        """Return the random draws of `n_epochs` banks. A `Disturbance` contains its own random draws."""
         shape = (n_epochs, len(self.offsets_m))
         self_noise = rng.standard_normal((n_epochs, _SELF_NOISE_LAGS + 2)) / np.sqrt(self.n_chips)
         self_noise[:, 0] = 1.0

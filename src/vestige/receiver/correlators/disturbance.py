@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 **Chips that do not match.** Chips do not match if an attacker made up the chips, or if the signal is more than 16 chips
-away from a tap. The correlator at the distance x from a signal whose chips do not match gives
+away from one of the taps. The correlator at the distance x from a signal whose chips do not match gives
 
     R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
 
@@ -54,8 +54,8 @@ def drawn_disturbance(
 ) -> Disturbance:
     """Draw the disturbance that the effects of an attack cause in the epochs from `first` on.
 
-    The disturbance of an epoch does not depend on how the caller divides the epochs. Each block of `DRAW_BLOCK` epochs
-    has its own stream of draws. `labels` are further parts of the stream's name, such as an SVID.
+    The disturbance of an epoch does not depend on how the caller divides the epochs among calls. Each block of
+    `DRAW_BLOCK` epochs has its own stream of draws. `labels` are further parts of the stream's name, such as an SVID.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2

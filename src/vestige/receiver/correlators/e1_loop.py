@@ -16,9 +16,9 @@ already tracks. If the epochs are at most 30 s apart, the model computes steps o
 for pull-off rates up to 100 m/s. With longer intervals the model computes 300 steps for each epoch.
 
 **Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
-more power than the true signal, the loop follows the spoofing signal at any phase. With equal or less power the
-spoofing signal never captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never
-captures a locked loop.
+more power than the true signal, the loop follows the spoofing signal at any phase. With less power the spoofing signal
+never captures the loop [JWCN18, Eq. 4-6]. With equal power the loop of the model can follow only a spoofing signal that
+moves earlier. A spoofing signal that stays more than a chip away never captures a locked loop.
 
 **Lock.** A receiver acquires the strongest signal if the C/N0 in the prompt correlator falls below the lock limit, or
 if an attack restarts the receiver (`acquired`). The lock limit is 20 dBHz, or 6 dB below the undisturbed C/N0 if this

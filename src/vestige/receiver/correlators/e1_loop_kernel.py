@@ -48,7 +48,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier, which means that the early power is at least the late power."""
+    """Return whether the loop at x moves earlier: the early power is at least the late power, and is not 0."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -75,8 +75,8 @@ def _next(n_levels, x, delay, half_spacing, direction):
 def settle(levels, x, delay, product, half_spacing):
     """Return the stable zero of D = early − late power that a loop at x reaches; x if no zero is within reach.
 
-    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so the loop keeps the earlier of two equal
-    signals.
+    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so on a plateau of P between two equal signals
+    the loop moves to the earlier signal.
     """
     after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
     before = _early_side(levels, x - _NEAR, delay, product, half_spacing)
@@ -136,7 +136,7 @@ def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power,
     half_spacing
         Half the early-late spacing in chips.
     pole_hz
-        Pole of the loop in Hz; beats that are faster than the pole are averaged out.
+        Pole of the loop in Hz; beats that are much faster than the pole are averaged out.
     """
     n, k = delay.shape
     place, prompt, dominant, waits = np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64)

@@ -9,9 +9,9 @@ late correlator, which are d apart, have the same power:
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
 
 The loop starts on the line of sight. If D(0) < 0, the late correlator is stronger, and the loop moves later until D
-changes its sign. If D(0) > 0, the loop moves earlier. The first change of sign is searched in steps of d/8 and then
-located by the Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps
-are enough.
+changes its sign. If D(0) > 0, the loop moves earlier. The loop moves by at most 0.5 chip. The first change of sign is
+searched in steps of d/8 and then located by the Illinois variant of false position. R is piecewise linear, so D is
+piecewise quadratic and a few steps are enough.
 
 The result assumes a loop that follows the reflections at once. The assumption is right for reflections whose phase
 changes slowly against the loop bandwidth. Front-end filtering is left out, as in the calibration of the multipath
@@ -100,7 +100,7 @@ class _Rays:
         return self._power(x - self.half_spacing) - self._power(x + self.half_spacing)
 
     def _power(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return |S(x)|², with R evaluated at |x|, so that early and late power agree to the last bit."""
+        """Return |S(x)|², with R evaluated at |x|, so that D(0) is exactly 0 without reflections."""
         total = autocorrelation(self.pulse, np.abs(x)) + 0j
         for delay, amplitude in zip(self.delay, self.amplitude, strict=True):
             total += amplitude * autocorrelation(self.pulse, np.abs(x - delay))
@@ -131,8 +131,8 @@ _Point = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 def _false_position(rays: _Rays, before: _Point, after: _Point) -> Float[np.ndarray, " n"]:
     """Return the roots of D between two points (x, D) of opposite sign, by the Illinois method.
 
-    The iteration of an epoch stops when the estimate of this epoch no longer changes. So a root does not depend on
-    other epochs.
+    The iteration of an epoch stops when D of this epoch is 0 or the estimate changes by at most 1e-10 chip, and after
+    40 steps at the latest. So a root does not depend on other epochs.
     """
     (a, value_a), (b, value_b) = before, after
     root, open_ = b.copy(), np.arange(b.size)

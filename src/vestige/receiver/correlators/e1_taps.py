@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 The correlators have offsets d from the position x₀ where noise, reflections and spoofing signals let the loop settle. R
 is the autocorrelation of BOC(1,1), T the integration time and s = √(2 C/N0 T). Signal i has the complex amplitude a_i
-relative to the true signal, the delay τ_i, and the Doppler f_i relative to the carrier loop. The correlators are
+relative to the true signal, the delay τ_i, and the Doppler f_i relative to the Doppler that the carrier loop follows.
+The correlators are
 
     ξ(d) = g [ s Σ_i a_i e^{jπ f_i T} sinc(f_i T) R(x₀ + d − τ_i) + √(1 + ρ) (L z)_d ]
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
@@ -20,10 +21,11 @@ the density of added white noise over N0, and J/N is the power of the jammers ov
 A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P. The noise
 of the averaged power has the standard deviation 4.343 dB/√(W T_P). The model has no drift of the front end.
 
-The model assumes continuous time and has no front end. In a scenario with a single satellite the signal is BOC(1,1), as
-in `e1_samples`. In a scenario with a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1)
-then replaces R in ξ. The peak of the correlation of CBOC with BOC(1,1) is 0.4 dB lower than the peak of R. All other
-signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
+The model of ξ assumes continuous time, and leaves out the filter and the quantiser of the front end. In a scenario of a
+single line of sight the signal is BOC(1,1), as in `e1_samples`. In a scenario with a sky the signal is CBOC(6,1,1/11),
+as on air. In the sum over the signals i, the correlation of CBOC with BOC(1,1) then replaces R. The peak of the
+correlation of CBOC with BOC(1,1) is 0.4 dB lower than the peak of R. All other signals add noise and power
+(`sky_e1_model`), as in `snapshots.sky_e1`.
 """
 
 from __future__ import annotations
@@ -128,18 +130,18 @@ def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Co
 def power_with_rays(
     truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean C/N0 in the prompt correlator with reflections, relative to the undisturbed true signal.
+    """Return the mean C/N0 in the prompt correlator with reflections, over the C/N0 of the undisturbed true signal.
 
-    The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
-    out. Only the true signal has reflections. A reflection is outside the prompt correlator if a spoofing signal has
-    pulled the loop more than a chip away from the reflection.
+    The line of sight and its reflections beat with each other. Beats with a period much shorter than `averaging_s` are
+    averaged out. Only the true signal has reflections. If a spoofing signal has pulled the loop more than a chip away
+    from a reflection, this reflection has no effect.
 
     Parameters
     ----------
     truth
         Truth of the satellite's signals.
     multipath_m
-        Pseudorange error that reflections cause.
+        Pseudorange error in m that reflections cause.
     averaging_s
         Time in s over which the receiver averages the power.
     """

@@ -3,13 +3,14 @@
 Satellite j sends E6-B and E6-C as BPSK(5), each with the C/N0 c_j. A replica matches only the E6-C of its own
 satellite. Any other code acts as noise behind the correlator. A code with the C/N0 c adds noise whose density, divided
 by N0, is κ c. κ is `code_noise_density_s`, 0.13 µs in continuous time. The chips of a satellite's E6-B are aligned with
-the chips of its E6-C, so E6-B of the same satellite adds c/R_c, where R_c is the chip rate. c/R_c is 3/2 times κ c. The
-correlator of satellite i receives noise whose density, divided by N0, is
+the chips of its E6-C, so E6-B of the same satellite adds c/R_c, where R_c is the chip rate. In continuous time c/R_c is
+3/2 times κ c. The correlator of satellite i receives noise whose density, divided by N0, is
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
-Eight satellites of 45 dBHz raise the noise by 7 %. The model adds white noise of the density w_i to the taps. The model
-neglects the higher correlation of code noise between taps that are less than a chip apart.
+At a sampling rate of 12.5 MHz, eight satellites with a C/N0 of 45 dBHz raise the noise of a correlator by 7 %. The
+model adds white noise of the density w_i to the taps. The model neglects that code noise is more correlated than white
+noise between taps that are less than a chip apart.
 """
 
 from __future__ import annotations

@@ -8,9 +8,10 @@ Doppler of signal i, a correlator with the integration time T receives the sum o
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
 So only the remainder of a nulled signal counts. ρ is the noise power that an attack adds, relative to the receiver's
-noise. L_i is the loss due to the distance from the nearest cell of the grid. The distance is drawn for every signal,
-uniformly over a step of code and of Doppler. The statistic of the nearest cell is compared with the threshold for which
-all cells together have the false-alarm probability `p_fa`. The statistics are
+noise. L_i is the loss due to the distance from the nearest cell of the grid. On E1 and in the exhaustive search the
+distance is drawn for every signal, uniformly over a step of code and of Doppler. In the hand-over search the distance
+from the nearest tap follows from the delays that were measured on E1. The statistic of the nearest cell is compared
+with the threshold for which all cells together have the false-alarm probability `p_fa`. The statistics are
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
@@ -23,16 +24,17 @@ If two signals are closer than the separation rule allows, only the stronger sig
 modulo 4 ms. In E6 the rule is the larger of one chip and 2¼ − s/s' chips. The weaker signal has the amplitude s, and
 the stronger signal has the amplitude s'. The limit of 2¼ − s/s' chips is needed because the fine search of the weaker
 signal can end on the flank of the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a
-signal that is more than 16 dB below the strongest signal does not count. On E1 every other signal that is found counts.
-In E6 only a signal with the chips of the RECS counts. A false alarm has probability p_fa and lies anywhere in the
-window.
+signal that is more than 16 dB below the strongest signal does not count. On E1 every other signal counts that is found
+and obeys the separation rule. In E6 only a signal with the chips of the RECS counts. Each search that is run has a
+false alarm with the probability p_fa. A false alarm in E6 lies anywhere in the window.
 
 The earliest signal in E6 is taken as the true signal. A receiver uses the delay of this signal minus the predicted E6 −
-E1 delay as a range. This range has three errors: the delay of the signal, ionosphere and group delay as in every
-hand-over, and the noise of a single snapshot. After a hand-over search the range is used if every signal of E1 was
-found in E6. The range is also used if the search is sure not to miss any signal of E1. The search is sure if P_d ≥
-0.9999 at the C/N0 of E1 and a code error of a quarter chip. After an exhaustive search the range is used if at least
-two signals were found. A single signal may be the spoofing signal, with the true signal lost in noise.
+E1 delay as a range. This range has three errors: the delay of the earliest signal relative to the true signal, the
+residuals of ionosphere and group delays as in every hand-over, and the noise of a single snapshot. After a hand-over
+search the range is used if at least as many signals were found in E6 as on E1. The range is also used if the search is
+sure not to miss any signal of E1. The search is sure if every signal found on E1 has P_d ≥ 0.9999 at its C/N0 on E1 and
+a code error of a quarter chip. After an exhaustive search the range is used if at least two signals were found. A
+single signal may be the spoofing signal, with the true signal lost in noise.
 
 In this model multipath components do not count as signals of their own. The model also searches for a satellite that is
 more than 16 dB weaker than the strongest other satellite.
@@ -103,7 +105,7 @@ class BandSignals:
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
-    """Return the signals of a band whose chips match the replica.
+    """Return the signals of a band; an E6 signal with chips that the attacker invented has the amplitude 0.
 
     `cn0_dbhz` is the C/N0 of the true signal without attack; −∞ or NaN means no signal.
     """
@@ -121,7 +123,7 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """Random draws for the searches of a block of epochs, with a column for each signal."""
+    """Random draws for the searches of a block of epochs; each array except `alarm` has a column for each signal."""
 
     e1_cell: Float[np.ndarray, "n k 2"]  # offset from the nearest cell of code and Doppler, −½ to ½ step
     e6_cell: Float[np.ndarray, "n k 2"]
@@ -258,7 +260,7 @@ def _off_tap_chips(
     places_m: Float[np.ndarray, "n l"],
     shift_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n l"]:
-    """Return the distance of each E6 signal from the nearest tap around the signals of E1, in chips and at most 1."""
+    """Return the distance of each E6 signal from the nearest tap around a found E1 signal, in chips and at most 1."""
     apart_m = _wrapped(
         places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
     )
@@ -337,7 +339,10 @@ def _metres_a_chip(band: Band) -> float:
 
 @cache
 def _e1_shape() -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Return R behind the filter of the search, with R(0) = 1, and the share of CBOC's power that passes the filter."""
+    """Return R of BOC(1,1) behind the filter of the search, and the power behind the filter.
+
+    R(0) is 1. The power is the share of CBOC's power that is BOC(1,1) and passes the filter.
+    """
     chips = np.linspace(0.0, 0.5, 51)
     shape = band_limited_autocorrelation(BOC11, chips, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=_E1_BAND_HZ)
     return (chips, shape / shape[0]), float(shape[0]) * MBOC[BOC11]

@@ -7,9 +7,10 @@ in a correlator is BOC(1,1).
 
 **Unaligned signals** are signals of other satellites, and signals of the same satellite that are a chip or more away
 from the replica. u = Σ c_j p_j is the power of one component of all unaligned signals divided by N0, in Hz. p_j is the
-power of all signals of satellite j divided by the power of its line of sight. The signals are sampled at f_s. In two
-correlators δ apart, the noise of the unaligned signals has the covariance u A(δ) in each dimension. The covariance of
-the receiver's own noise is the correlation of the two replicas.
+power of all signals of satellite j divided by the power of its line of sight. For the replica's own satellite, p_j
+contains only the unaligned signals. The signals are sampled at f_s. In two correlators δ apart, the noise of the
+unaligned signals has the covariance u A(δ) in each dimension. The covariance of the receiver's own noise is the
+correlation of the two replicas.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
@@ -18,17 +19,17 @@ A(0) is 0.59 µs, so seven other satellites with a C/N0 of 45 dBHz raise the noi
 A(0) is 18 % larger, because sampling folds BOC(6,1) into the band.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
-E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
-So over the integration time T, E1-B acts as noise with the shape and the phase of the signals. The variance of this
-noise is X²/(N T R_c) times the power of the signals, where R_c is the chip rate.
+E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation at delay zero of the chips b_k of E1-B with the
+chips c_k of E1-C. Symbols are random. So over the integration time T, E1-B acts as noise with the shape and the phase
+of the signals. The variance of this noise is X²/(N T R_c) times the power of the signals, where R_c is the chip rate.
 
 **Power** means the power within the bandwidth W around the carrier. Two signals with the delay difference τ have the
-common power P(τ), summed over both components:
+common power P(τ), summed over both components and divided by the power of one component:
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
-A satellite thus adds the power P(0) c η/W, relative to the noise. η is computed as in `e1_taps`, with the overlap
-P(τ)/P(0) and with reflections.
+A satellite thus adds the power P(0) c η/W, relative to the noise within W. η is computed as in `e1_taps`, with the
+overlap P(τ)/P(0). η contains the reflections if the scenario lets reflections disturb E1.
 
 The model leaves out the filter of the front end. On filtered samples (`front_end.bandwidth_hz`) the correlation peaks
 are rounder than in the model.
@@ -160,7 +161,7 @@ def _aligned(svid: int) -> float:
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A in s, the covariance that other satellites cause in the correlators if u is 1 Hz.
+    """Return A in s, the covariance that unaligned signals cause in the correlators if u is 1 Hz.
 
     Examples
     --------

@@ -47,7 +47,7 @@ class Accelerometers:
     ) -> Float[np.ndarray, "n 3"]:
         """Return the measured gain of velocity (east, north, up) since the previous epoch in m/s.
 
-        The values of the first epoch are NaN.
+        The values of the scenario's first epoch are NaN.
         """
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0

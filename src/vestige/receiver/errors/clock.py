@@ -84,8 +84,8 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the clock error in m and the rate of the clock error in m/s at the given times.
 
-        The error is positive if the clock is ahead. At the start, error and rate are 0. The function raises
-        `ValueError` if a time is earlier than the time before, or than the last time of the previous call.
+        The error is positive if the clock is ahead. At the scenario's start, error and rate are 0. The function raises
+        `ValueError` if a time is negative, or earlier than the previous time in this call or in the previous call.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

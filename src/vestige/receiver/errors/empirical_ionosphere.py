@@ -60,8 +60,9 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Read residuals in m from a CSV file with the header `e6_minus_e1_m` and one number on each line.
 
-    The function raises `InputFileError` if the file cannot be read, has another header, has no sample, has an
-    implausible number, or does not end with a line end.
+    The function raises `InputFileError` if the file cannot be read, is longer than `LARGEST_FILE`, has another header
+    or no sample, or does not end with a line end. The function also raises `InputFileError` if a line is not a number
+    within ±`LARGEST_RESIDUAL_M`.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != IONOSPHERE_COLUMN:

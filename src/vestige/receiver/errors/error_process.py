@@ -68,9 +68,9 @@ class ClockModel(Protocol):
 class IonosphereModel(Protocol):
     """Model of the differential ionospheric delay E6 − E1 of a satellite.
 
-    In a scenario with a constellation, vestige multiplies the residual by the obliquity. A process may have a method
-    `shared(receiver, share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have
-    in common.
+    In a scenario with a constellation, vestige multiplies the residual by the ratio of the obliquity to the obliquity
+    at 17.5°. A process may have a method `shared(receiver, share)`, as `IonosphereProcess` has. `share` is the share of
+    the variance that all satellites have in common.
     """
 
     def process(self, streams: Streams) -> Any:
@@ -142,7 +142,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 def steps_s(last_s: float | None, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the time in s since the previous epoch, for each epoch; 0 for the first epoch if `last_s` is None.
 
-    The function raises `ValueError` if a time is earlier than the time before.
+    The function raises `ValueError` if a time is earlier than the previous time, or than `last_s`.
     """
     steps = np.diff(times_s, prepend=times_s[0] if last_s is None else last_s)
     if not np.all(steps >= 0):

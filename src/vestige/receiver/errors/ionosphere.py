@@ -16,10 +16,11 @@ correlation of z in time.
 * `iid`: all epochs are independent, which suits histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation time along a Galileo pass. A campaign of
   100,000 s has only about 14 independent values. In a second z changes by 1.7 % of its standard deviation. For
-  σ = 1.24 m the residual changes by 2 cm, half a radian of the E6 carrier, so carrier phases need `smooth`.
+  σ = 1.24 m the residual changes by 2 cm in a second, about half a radian of the E6 carrier. So carrier phases need
+  `smooth`.
 * `smooth`: z is a Gauss-Markov process of second order with τ = 2 h, so z has a rate. In a second z changes by 0.03 %
-  of its standard deviation. For σ = 1.24 m the residual changes by 0.4 mm, so E6 carrier phases can be compared with
-  E1 carrier phases.
+  of its standard deviation. For σ = 1.24 m the residual changes by 0.4 mm in a second, so E6 carrier phases can be
+  compared with E1 carrier phases.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are fitted to the difference between two
 broadcast models, NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of the

@@ -4,10 +4,10 @@ Theory of operation
 -------------------
     y(t) = x(t) + Σ_i a_i e^{jφ_i(t)} x(t − τ_i)
 
-* The excess delay τ has an exponential distribution of mean μ, cut at 500 ns.
+* The excess delay τ has an exponential distribution of mean μ, cut at a largest delay (by default 500 ns).
 * The strength has a Rayleigh distribution with the mean square 10^(G/10)/N, where G = G0 − s τ in dB. N is the number
   of reflections, or the mean of the Poisson distribution. So for s = 0, G0 is the mean power of all reflections
-  together relative to the line of sight.
+  together relative to the line of sight. The mean power is lower if a maximum cuts the Poisson distribution.
 * The phase is uniform at first, and then changes with the Doppler f_i = (v/λ) cos ψ_i. The angle ψ_i is uniform, and v
   is the receiver's speed.
 * The lifetime is exponential, so a reflection ends in a step dt with probability 1 − e^{−r dt}, whatever its age. The
@@ -57,7 +57,7 @@ class RayBlock:
     Attributes
     ----------
     delay_m
-        Excess delay in m, positive.
+        Excess delay in m, at least 0.
     amplitude, amplitude_e1
         Complex amplitude on E6 and on E1, relative to the line of sight; 0 if there is no reflection.
     doppler_hz
@@ -86,15 +86,16 @@ class LmsLiteMultipath:
     """Multipath model of reflections that begin and end.
 
     A lifetime of 0 makes every epoch independent. A reflection whose phase changes by f T cycles in the integration
-    time T is weaker by the factor sinc(f T). At speeds above about 10 m/s, a correlation over 16 ms of E6 therefore
-    shows little of the multipath.
+    time T is weaker by the factor sinc(f T). So at 10 m/s a correlation over 16 ms of E6 contains on average half of
+    the multipath power, and at 20 m/s a quarter.
 
     Attributes
     ----------
     power_db
-        G0, mean power in dB of all reflections together for s = 0; −inf for no multipath.
+        G0, mean power of all reflections together for s = 0, in dB relative to the line of sight; −inf for no
+        multipath.
     mean_excess_m
-        μ, mean excess delay in m.
+        μ, mean excess delay in m before the cut at `max_excess_m`.
     n_rays
         Number of reflections, or the largest number if `mean_rays` is given.
     mean_rays

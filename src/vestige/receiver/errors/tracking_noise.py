@@ -56,8 +56,8 @@ class BetzTrackingNoise:
     """Noise of a delay lock loop, a phase lock loop and a frequency lock loop.
 
     The code noise of the default loop is 0.56 m at 35 dBHz, and 0.79 m with a loop bandwidth of 2 Hz. [WFO, Sec. II-B]
-    gives 0.5 to 1 m. For MBOC at 35 dBHz the code noise is 0.40 m with an early-late spacing of 0.1 chip. With 0.2 chip
-    the code noise is 2.3 m, because the discriminator has little slope.
+    gives a code noise of 0.5 to 1 m. For MBOC at 35 dBHz the code noise is 0.40 m with an early-late spacing of
+    0.1 chip. With 0.2 chip the code noise is 2.3 m, because the discriminator has little slope.
 
     Attributes
     ----------

@@ -2,19 +2,19 @@
 
 Theory of operation
 -------------------
-**Strength.** The noise is complex, white and Gaussian, with variance 1 per sample. So N0 = 1/f_s, and a component has
-the amplitude √(C/N0 / f_s).
+**Strength.** The noise is complex, white and Gaussian, with variance 1 per sample. So N0 = 1/f, where f is the sampling
+rate at the filter, and a component has the amplitude √(C/N0 / f).
 
 **Filter.** The filter of the two-sided bandwidth B is a windowed sinc of odd length. The sinc is even, so its group
 delay is a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a
-narrower band. Signals in the pass band grow by √(f/B), where f is the sampling rate at the filter. The C/N0 does not
-change. Sampling folds sidelobes into the band, and a filter *behind* the sampler cannot undo the folding. So the
-samples can be made and filtered at a multiple of the front end's rate, and are then decimated. The steps of the
-correlation function remain (`staircase.py`).
+narrower band. The amplitude of a signal in the pass band grows by about √(f/B). The C/N0 does not change. Sampling
+folds sidelobes into the band, and a filter *behind* the sampler cannot undo the folding. So the samples can be made and
+filtered at a multiple of the front end's rate, and are then decimated. The steps of the correlation function remain
+(`staircase.py`).
 
 **Gain and quantiser.** The gain control sets the rms over the processed samples, a snapshot or a stretch of a
 recording, to the level with the smallest loss of the quantiser (`quantiser.py`). Without gain control the gain is right
-for noise alone, and a jammer saturates the quantiser.
+for noise alone, and a strong jammer can saturate the quantiser.
 """
 
 from __future__ import annotations
@@ -121,8 +121,8 @@ class FrontEnd:
         Parameters
         ----------
         samples
-            Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at both ends. Powers are
-            relative to the noise.
+            Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at each end. The power in
+            the status is relative to this noise.
         """
         if self.bandwidth_hz is not None:
             samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])

@@ -9,11 +9,11 @@ correlators δ apart:
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
 
-Without a front end R_h(0) and R_n(0) are 1. The unit of R_h is the amplitude of the path. The unit of R_n is the noise
-variance of a correlator, 1/(C/N0 · T). The replica is not filtered. f_s must not be commensurate with the chip rate,
-because the samples must be spread over the chip. For a filter with steep edges both functions approach the band-limited
-autocorrelation R_B. With a quantiser, Σ_k (c_k/c_1)² r^k replaces r (`quantiser.py`). The formula is valid if the
-signals are weak against the noise in a sample.
+Without a front end R_h(0) and R_n(0) are 1. The unit of R_h is the amplitude of the path. The unit of R_n is
+1/(C/N0 · T), the noise variance of a correlator without a front end. The replica is not filtered. f_s must not be
+commensurate with the chip rate, because the samples must be spread over the chip. For a filter with steep edges and
+high rates f_i and f_s, both functions approach the band-limited autocorrelation R_B. With a quantiser, Σ_k (c_k/c_1)²
+r^k replaces r (`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
         κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
 
     In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs, where R_c is the chip rate. Sampling folds side
-    lobes into the band. A filter passes more of the code than of white noise.
+    lobes into the band. A filter passes a larger share of the code's power than of the power of white noise.
     """
     taps = front_end.filter_taps().astype(np.float64)
     chips_a_sample = E6C.chip_rate_hz / front_end.input_rate_hz
@@ -80,8 +80,8 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
     """Return the growth of a range offset in m for each metre of delay; 1 without a filter.
 
     The range offset assumes that three taps lie on a triangle [WFO, Sec. III-C], but behind a filter the peak is round.
-    The result is the slope of the least-squares line over delays up to a quarter of the spacing. Nearly all range
-    offsets lie in this interval.
+    The result is the slope of the least-squares line over delays up to a quarter of the spacing. Without an attack most
+    range offsets lie in this interval.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])

@@ -1,19 +1,20 @@
 """Add an attack to a recording, with each spoofing signal as an additional satellite that has its own path.
 
-A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
-that arrived τ earlier. The pseudorange P' of the spoofing signal follows from the range s of the line of sight.
-clock(t) is the sum of clock error and tropospheric delay at the arrival of the spoofing signal:
+A spoofing signal has the delay τ relative to the true signal at the receiver. The spoofing signal left the satellite
+together with the true signal that arrived τ earlier. The pseudorange P' of the spoofing signal follows from the range s
+of the line of sight. clock(t) is the sum of clock error and tropospheric delay at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
-The additional phase of the spoofing signal's carrier is in the phasor of its propagation. The additional phase is zero
-for a delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are evaluated at the
-time of transmission, as in a campaign. Signals sent before the scenario's start have the profile values of the start.
+The additional phase of the spoofing signal's carrier is in the phasor of its propagation. The additional phase is
+constant for a delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are
+evaluated at the time of transmission, as in a campaign. Signals sent before the scenario's start have the profile
+values of the start.
 
 The recorder makes samples in stretches of about 10 ms. In a stretch, delay and phase are parabolas through their values
 at the start, the middle and the end of the stretch. The amplitude is a straight line between start and end. So no value
-has a step between stretches, even where a profile has a corner. A signal is switched on or off only between two
-stretches.
+has a step between stretches, even where a profile has a corner. The only exception is the step of the amplitude between
+two stretches when a signal is switched on or off.
 """
 
 from __future__ import annotations
@@ -102,9 +103,10 @@ class ReceivedSpoofingSignal:
         The effect of the pseudorange is not included.
 
         `cycles` is the carrier phase at the start, the middle and the end of the stretch, without the effect of the
-        pseudorange. The whole cycles in `cycles` are arbitrary. The right number of whole cycles is computed from a
-        Doppler that has no step where the delay has a corner. For a delay line this Doppler leaves out the effect of
-        the pseudorange. For any other carrier this Doppler follows from the phase law.
+        pseudorange. The whole cycles in `cycles` are arbitrary. The right number of whole cycles is computed either
+        from the Doppler of the phase law, or from this Doppler without the effect of the delay's rate. The function
+        uses the Doppler that changes less within the stretch, because a corner of the delay makes a step in the other
+        Doppler.
         """
         to_cycles, k = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS, self.number
         own_hz = effects.doppler_hz[:, k]

@@ -10,11 +10,14 @@ epochs without a gap:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
+On a single line of sight, iono_diff replaces γ I in E6. If the ionosphere model has `code_only`, the residual does not
+advance the carriers.
+
 In the middle of the reception of an epoch's chips, delays and strengths have the values of the epoch and a rate near
 zero. Between two epochs delays and strengths change to the values of the next epoch without a step, along half a
-cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of the two epochs. A RECS in the
-recording therefore equals the RECS of `LineOfSightSamples`, except for the carrier phase and for micrometres of range.
-So tracking loops receive a signal without jumps.
+cosine. The phase of a reflection follows the cubic that begins and ends with the phases and Dopplers of the two epochs.
+The signal of a RECS in the recording therefore equals the signal in `LineOfSightSamples`, except for the carrier phase
+and for micrometres of range. So tracking loops receive a signal without jumps.
 """
 
 from __future__ import annotations

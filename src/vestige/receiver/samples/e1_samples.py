@@ -9,12 +9,12 @@ spoofing signals, noise and jamming. The processor's own correlator processes th
 BOC(1,1) as a code of twice the chip rate, in which each chip is followed by its opposite. The signals of an epoch are
 sent at a whole tenth of a second, at which the secondary code begins. Time zero is the delay x₀ at which the loop has
 settled, so a signal of delay τ lies at τ − x₀. The sampling phase and the Dopplers of code and carrier follow from the
-pseudorange. With M = f_s T samples of noise variance 1, the mean over these samples times √(2M) is the correlator ξ of
-`e1_taps`.
+pseudorange. With M = f_s T samples of noise variance 1, the mean of samples times replica, multiplied by √(2M), is the
+correlator ξ of `e1_taps` before the gain control.
 
 The samples of each satellite have their own noise, which differs from the noise of a recording. The power of the band
-comes from further samples with all satellites, at the sampling rate W. Without an attack the mean square of these
-samples is 1 + Σ r_i. W and r_i are defined in `e1_taps`.
+comes from further samples with all satellites, at the sampling rate W. Without an attack the expected mean square of
+these samples is 1 + Σ r_i. W and r_i are defined in `e1_taps`.
 """
 
 from __future__ import annotations
@@ -122,7 +122,8 @@ def sampled_power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the rise of the E1 power in dB over the power without attack, measured on samples.
 
-    The parameters are the same as for `band_power_rise_db`.
+    `truth` and `cn0_dbhz` are the same as for `band_power_rise_db`. `svids` are the satellites in the order of `truth`.
+    `seed` and the number `first` of the first epoch determine the noise.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     rise_db = np.empty(cn0_dbhz.shape[0])
@@ -163,7 +164,7 @@ def _signals(
     amplitude: Complex128[np.ndarray, " k"],
     ray_doppler_hz: Float[np.ndarray, " k"],
 ) -> tuple[ReceivedSignal, ...]:
-    """Return all signals of a satellite on air; signals far from the line of sight have their own chip sequences."""
+    """Return all signals of a satellite on air; signals with a large `delay_m` have their own chip sequences."""
     present = np.abs(amplitude) > 0
     delay_chips = delay_m / SPEED_OF_LIGHT_MPS * _CHIP_RATE_HZ
     shift = np.where(np.abs(delay_chips) < _SPARE_CHIPS - 2, 0, np.floor(delay_chips)).astype(np.int64)

@@ -3,15 +3,17 @@
 Theory of operation
 -------------------
 **Stretches.** The samples of a band are made in stretches of about 10 ms, a whole number of blocks of the synthesis
-kernel. Around the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6
-within 5 ms, which is less than a micrometre for j below 48 m/s³. The chip that arrives at t = t_m + x was sent at
-t − P(t)/c. Chips are counted in integers from the reference, which is a whole second. Stretches are cut on the sample
+kernel. Around the middle t_m of a stretch the pseudorange is P(t_m + x) = P(t_m) + v x + ½ a x². v and a are the rate
+and the acceleration of the pseudorange at t_m. The neglected term j x³/6 of the third derivative j is less than a
+micrometre within 5 ms of t_m for j below 48 m/s³. The chip that arrives at the time t was sent at t − P(t)/c. Chips are
+counted in integers from the reference, which is a whole second. Each stretch begins at a fixed number of the sample
 counter, so two recordings of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
-of the line of sight and not its carrier. The ionosphere delays the code and advances the carrier. All delays change
-over a stretch with their rates in the middle of the stretch, so that no step disturbs a tracking loop. The amplitude of
-a spoofing signal changes in steps of a block of the synthesis kernel.
+of all paths and not the carrier. The ionosphere delays the code and advances the carrier. The delay of the code changes
+over a stretch with its rate in the middle of the stretch, so that no step disturbs a tracking loop. The excess delays
+of reflections are constant over a stretch. The amplitude of a spoofing signal changes in steps of a block of the
+synthesis kernel.
 """
 
 from __future__ import annotations
@@ -51,7 +53,7 @@ _MARGIN_S = 2e-5  # duration of chips on either side of a stretch: 6 km, for ref
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Propagation between satellite and receiver in addition to the pseudorange, around the middle of a stretch."""
+    """Effects of the propagation that the pseudorange does not contain, around the middle of a stretch."""
 
     delay_m: float  # group delay of the line of sight in addition to the pseudorange, in m
     at_s: float  # receiver time of all amplitudes, in s after the reference
@@ -135,7 +137,7 @@ class BandRecorder:
     def stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
         """Return the samples of a stretch and the status of the front end.
 
-        The samples depend only on the number of the stretch. Sample 0 is the first sample of stretch 0.
+        The samples do not depend on the stretches that were made before. Sample 0 is the first sample of stretch 0.
         """
         front_end, input_hz = self.front_end, self.front_end.input_rate_hz
         begin, length = number * self.length, self.length
@@ -182,8 +184,8 @@ def record_band(
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order.
 
-    Each batch is a stretch, or the requested part of a stretch. The bits are the same however the samples are cut and
-    shared among workers.
+    Each batch is a stretch, or the requested part of a stretch. The bits of a
+    sample do not depend on `first_sample`, `n_samples` and `pool`.
 
     Parameters
     ----------
@@ -267,7 +269,10 @@ class _Middles:
 
 
 def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
-    """Return the time of a sample as whole seconds and the rest; a float64 alone would round to 15 ps in a day."""
+    """Return the time of a sample after sample 0 in whole seconds, and the remaining fraction of a second in s.
+
+    A single float64 with both would have steps of 15 ps after a day.
+    """
     time = Fraction(sample) / Fraction(sample_rate_hz)
     whole = time.numerator // time.denominator
     return whole, float(time - whole)

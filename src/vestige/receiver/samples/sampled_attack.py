@@ -1,11 +1,12 @@
 """Make the spoofing signals and jamming waveforms that an attack adds to E6 at the `samples` fidelity.
 
 A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay, or has chips that the attacker
-invented. At the receiver, chip i of the spoofing signal arrives τ + τ̇ i T_c later than chip i of the true signal. The
-delay τ has the rate τ̇, and T_c is the duration of a chip. So the chips of the spoofing signal in a window of samples
-were sent τ earlier than the chips of the true signal in this window. If τ is several seconds, the chips are a part of
-the keystream that the satellite sent τ earlier. The travel time of these chips is computed along the line of sight for
-the time of their transmission. The chips fill the window and the margins of the window.
+invented. At the receiver, chip i of the spoofing signal arrives τ + τ̇ i T_c later than chip i of the true signal. Chip
+0 is the first chip of the RECS, and τ is its delay. τ̇ is the rate of the delay, and T_c is the duration of a chip. So
+the chips of the spoofing signal in a window of samples were sent τ earlier than the chips of the true signal in this
+window. If τ is several seconds, the chips are a part of the keystream that the satellite sent τ earlier. The travel
+time of these chips is computed along the line of sight for the time of their transmission. The chips fill the window
+and the margins of the window.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ equation
     dt = P6(sent + dt)/c
 
 Doppler and Doppler rate are computed for the time of arrival. P6 is the pseudorange of the code on E6. The carrier
-phase at the arrival is −f6 L6/c cycles. L6 is P6 without the bias, which affects only the code, and with the
-ionospheric delay of opposite sign (`TruthBlock.carrier_advance_m`). In a recording the carrier has the phase −f6 L6/c
-in the middle of each RECS (`continuous`).
+phase at the arrival is −f6 L6/c cycles. L6 is P6 without bias and ionospheric delay, and less the ionospheric advance
+of the carrier (`TruthBlock.carrier_advance_m`). The bias affects only the code. In a recording the carrier has the
+phase −f6 L6/c in the middle of each RECS (`continuous`).
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def e6_samples(
 
 
 def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> OsnmaOperator:
-    """Return the OSNMA operator of a run before the first broadcast.
+    """Return the OSNMA operator of a run, in its state before the first broadcast.
 
     The first broadcast is `SUBFRAMES_BEFORE` subframes before the run, so that the tags of the run's first subframes
     have data to cover.

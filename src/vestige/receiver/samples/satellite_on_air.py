@@ -25,7 +25,7 @@ _BGD_LSB = (6, 21)
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
     """Return a random BGD(E1,E6) of a satellite in s, a nonzero multiple of the resolution of a BGD file.
 
-    The bias of the truth comes in addition, and contains the residual of the group delay and the hardware delay.
+    The bias of the truth is added to this delay, and contains the residuals of group delay and hardware delay.
     """
     draw = stream(seed, "group delay", svid)
     return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))

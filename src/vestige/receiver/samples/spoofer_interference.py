@@ -1,6 +1,6 @@
 """Make the noise and the jamming waveforms that attacks add to one band of a recording.
 
-The phase of a jamming waveform is continuous over the whole recording.
+A jamming waveform continues from one stretch of samples to the next without a jump in phase.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Find the sampling rates at which the correlation function of the samples has large steps.
+"""Check whether the correlation function of samples has large steps, and find a sampling rate without large steps.
 
 f_s is the sampling rate, and R_c is the chip rate. If f_s/R_c is nearly p/q with a small p, all samples fall on p
 phases of a chip. The correlation function of such samples has steps of 1/p chip, and all correlators within a step give
@@ -30,9 +30,9 @@ _GRID_HZ = 1e5  # suggested rates are multiples of 0.1 MHz
 def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
     """Return the large steps of the correlation function at a sampling rate, or None if there are no large steps.
 
-    The size of a step is 1/p chip if f_s/R_c lies within 1e-3 of p/q with p ≤ 16. f_s is the rate of the samples that
-    are correlated, because the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate
-    before the filter removes the steps.
+    The size of a step is 1/p chip, for the smallest p ≤ 16 of a fraction p/q ≥ 1/2 within 1e-3 of f_s/R_c. f_s is the
+    rate of the samples that are correlated, because the samples of the replica fall on p phases of a chip at this rate.
+    So neither a filter nor a higher rate before the filter removes the steps.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
     if p is None:

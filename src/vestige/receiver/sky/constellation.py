@@ -4,7 +4,7 @@ The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it
 circular orbits in three planes 120° apart. Each plane has eight slots at intervals of 45°. The slots of the next plane
 are ahead by 360°/24 = 15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver
 work with the same orbits. The satellites with SVID 1 to 8 have the slots A01 to A08, SVID 9 to 16 have B01 to B08, and
-SVID 17 to 24 have C01 to C08. Real satellites have other SVIDs in these slots.
+SVID 17 to 24 have C01 to C08. The real satellites are not numbered in this order.
 
 Orbit and clock of an ephemeris are taken as true, so the model has no errors of the broadcast message.
 """
@@ -76,8 +76,9 @@ class ElevationCn0:
     zenith_dbhz
         C/N0 of each component at the zenith, in dBHz.
     fall_db
-        Loss at the horizon relative to the zenith, in dB. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at
-        low elevation. The pattern of the satellite's antenna compensates the longer path at low elevation.
+        Loss at the horizon relative to the zenith, in dB. A typical patch antenna has 5 dBi at the zenith and −3
+        to −5 dBi at low elevation. The pattern of the satellite's antenna compensates the loss on the longer path at
+        low elevation.
     """
 
     zenith_dbhz: float = 45.0

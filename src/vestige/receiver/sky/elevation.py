@@ -12,8 +12,8 @@ receiver, zᵢ is the process of satellite i, and ρ is the share of the common 
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
-The symbol Φ is the distribution function of the standard normal distribution. The common part does not change the
-distribution F of the residual of a single satellite.
+The symbol Φ is the distribution function of the standard normal distribution. F is the distribution function of the
+residual of a single satellite at the elevation 17.5°. The common part does not change F.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Compute the delay of each satellite's signal over a meaconer's antenna, relative to the direct signal.
 
 A meaconer at the position r_a retransmits the signals received at this position. The victim is at the position r. The
-retransmitted signal of a satellite at the position s is later than the direct signal by
+path of the retransmitted signal of a satellite at the position s is longer than the direct path by
 
     |s − r_a| + |r_a − r| − |s − r|
 
-The term |r_a − r| and the repeater's own delay are common to all satellites and move the victim's clock. The terms |s −
-r_a| and |s − r| move the victim's position to r_a.
+The term |r_a − r| and the repeater's own delay are common to all satellites and shift the clock of the victim's fix.
+The terms |s − r_a| and |s − r| move the position of the victim's fix to r_a.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compute the geometry of a replay under a sky, whose signals come from earlier positions of the satellites.
+"""Compute the geometry of signals that are replayed under a sky and come from earlier positions of the satellites.
 
 A spoofing signal with the delay τ is the signal that the receiver could have received τ earlier. ρ is the range of the
 line of sight. At the time t the delay and the rate of the spoofing signal relative to the direct signal are:
@@ -8,8 +8,8 @@ line of sight. At the time t the delay and the rate of the spoofing signal relat
 
 The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
 (`samples.attacked_sky`). For a delay of 5 s the correction ρ(t − τ) − ρ(t) is up to 4 km. Delays up to 10 µs are not
-changed, because their correction is less than 1 cm. Strength, ionosphere and multipath of the spoofing signal have
-their values at the time t.
+changed, because their correction is less than 1 cm. In drawn correlators, strength and ionosphere of the spoofing
+signal have their values at the time t. The multipath error of the E1 pseudorange also has its value at the time t.
 
 A single line of sight does not need the correction ρ(t − τ) − ρ(t). A receiver of a single line of sight has no other
 clock than the signal (`snapshots.e1`), so the receiver's clock shows the time of the replay. At the time that the

@@ -5,14 +5,14 @@ the pseudorange also contains the atmosphere of the scenario and the residual of
 e/(γ − 1), where e is the residual of the ionospheric delay of E6 minus E1. Both bands contain e/(γ − 1), so this term
 cancels in the range check.
 
-The C/N0 is an estimate over a second, and fades with the reflections in the same second (`cn0_estimate`). C/N0,
-correlators and power are in single precision, as in stored results.
+The C/N0 is an estimate over a second (`cn0_estimate`). If the reflections also disturb E1, the C/N0 fades with the
+reflections in the same second. C/N0, correlators and power are in single precision, as in stored results.
 
 A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
-Under a sky even pseudoranges that are all wrong by 0.6 million kilometres are usable. From these pseudoranges the fix
-finds a clock error of 2 s, which the clock monitor reports. On a single line of sight the signal is the receiver's only
-clock. If the error of the pseudorange exceeds 0.1 s times c, the receiver's clock follows the pseudorange.
+Under a sky, pseudoranges are usable even if all have the same error of 0.6 million kilometres. From these pseudoranges
+the fix finds a clock error of 2 s, which the clock monitor reports. On a single line of sight the signal is the
+receiver's only clock, so the receiver's clock follows a pseudorange whose error exceeds 0.1 s times c.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[
 def reported_cn0_dbhz(
     simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 in dBHz that E1 tracking estimates over the second of each epoch, with the fading by reflections.
+    """Return the C/N0 in dBHz that E1 tracking estimates over the second of each epoch, with any fading by reflections.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def _taps_and_power(
 def _each_alone(
     of: ReceiverTruth, fidelity: Fidelity, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return correlators of a single line of sight before the gain control, drawn at random or from samples.
+    """Return correlators of a single line of sight before the gain control, drawn at random or made from samples.
 
     The second result is the ratio in dB of the band's power to the power without an attack. The third result is the
     receiver's measurement of this ratio in dB.

@@ -133,10 +133,10 @@ class SimulatedE6Samples:
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
     def _handed_over(self, asked: Bool[np.ndarray, "n m"], handovers: Handovers) -> Iterator[tuple[int, int, Handover]]:
-        """Yield epoch, column and hand-over of each requested RECS.
+        """Yield epoch, column and hand-over of each requested RECS that has samples and a hand-over.
 
-        The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The caches of the CPU then hold the code
-        that makes a hand-over, which the samples of a RECS would displace.
+        The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The code that makes a hand-over then stays
+        in the caches of the CPU, while the samples of a RECS would displace this code.
         """
         places = zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True)
         while part := tuple(islice(places, _MADE_TOGETHER)):
@@ -181,14 +181,14 @@ class SimulatedE6Samples:
         )
 
     def _expected_s(self, row: int, column: int) -> float:
-        """Return the time of arrival that E1 predicts for RECS number `row` of a satellite, in s after the start."""
+        """Return the true arrival of one RECS of a satellite plus the attacker's delay, in s after the start."""
         truth, arrived = self.of.of_recs[column], self.of.arrived[column]
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
         """Return the correction in s of the time tags of samples, which removes a delay above `CLOCK_FOLLOWS_S`.
 
-        `_without_delay` corrects the hand-over in the same way. During the delay the receiver's clock drifts. The
+        `_without_delay` removes the same delay from the hand-over. During the delay the receiver's clock drifts. The
         correction also subtracts this drift, because the hand-over has the clock error of the epoch.
         """
         if not self._seconds_late_m[column][epoch]:

@@ -9,7 +9,8 @@ attacker's data contain no valid key, and no tag covers the attacker's data. A s
 satellite's data has the true data. The signal that the loop follows at the epoch also decides whether a later key is
 received.
 
-If E1 acquires a satellite at an epoch, the pages that ended since the previous epoch are lost.
+If E1 acquires a satellite at an epoch, the processor gets none of the satellite's pages that ended since the previous
+epoch.
 
 Data count as authenticated if the key that decrypts the RECS authenticates these data. A receiver may still use data
 that were authenticated half an hour ago, but the model neglects such older data. So a satellite whose pages are lost is
@@ -91,7 +92,7 @@ class OsnmaReception:
         )
 
     def _whole(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, " n"]]:
-        """Return for each satellite whether all given pages are received and come from the satellite."""
+        """Return for each satellite whether all given pages of an epoch are received with the satellite's own data."""
         return [came.all(axis=1) & true for came, true in zip(self._received(pages), self._true, strict=True)]
 
     @property
@@ -151,10 +152,11 @@ class PagesReceived:
 def _ends(
     page: Int64[np.ndarray, "k 15"], subframe: Int64[np.ndarray, " k"], *, begun_s: float, interval_s: float
 ) -> Bool[np.ndarray, " k"]:
-    """Return which pieces (one epoch and one subframe) contain the end of a subframe whose first page lies in the run.
+    """Return which pieces (one epoch and one subframe) have the last page of a subframe with all its pages in the run.
 
-    The reception of the first epoch starts `begun_s` seconds after the start of the week. The reception of each epoch
-    lasts `interval_s` seconds.
+    The pages of the run end more than `begun_s` seconds after the start of the week. Each epoch has the pages that
+    ended in the last `interval_s` seconds. If `interval_s` is 30 s or more, each epoch has the pages of the last
+    subframe that has ended, which are all in the run.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)

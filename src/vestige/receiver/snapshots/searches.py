@@ -42,8 +42,8 @@ class SearchFinds:
     """Results that searches in each of n epochs would have.
 
     The numbers of signals and the delays are NaN at epochs without RECS, and for satellites that are out of view or
-    that E1 acquires. The receiver has no time tag of a satellite that is out of view or being acquired, so no search is
-    made.
+    that E1 acquires. The receiver has no E1 measurement of a satellite that is out of view or being acquired, so no
+    search is made.
     """
 
     p_fa: float  # false-alarm probability of a single search

@@ -74,7 +74,7 @@ class SimulatedReceiver:
         return TruthAround(one, before=before, after=after)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
-        """Return the snapshots of the epochs from number `first` on."""
+        """Return the snapshots of the epochs of `truth`, which begin with epoch number `first`."""
         return self.snapshots_of(
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )

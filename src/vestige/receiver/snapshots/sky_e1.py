@@ -13,9 +13,10 @@ The satellites send CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/
 0.4 dB. All other components add noise to a correlator, as on E6. The model of the fidelity `correlators` is
 `sky_e1_model`.
 
-**Power.** The power is measured in W = 2 MHz around the carrier, or in the bandwidth of a narrower front end, over the
-10 ms of samples in which the epoch's signals arrive. Without an attack the power is 1 + Σ P(0) C/N0_i / W times the
-noise power in W, where P(0) includes both components within W.
+**Power.** The power is measured in W = 2 MHz around the carrier, or in the bandwidth of a narrower front end. The
+average covers the stretch of about 10 ms in which a signal with the median travel time arrives. Without an attack the
+power is 1 + Σ P(0) C/N0_i / W times the noise power in W. P(0) is the power of both components of a satellite within W,
+divided by the power of one component.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex1
 
 
 def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
-    """Return the starts of the replicas in s, the phase of the line of sight in cycles, Doppler and Doppler rate."""
+    """Return start of the replica in s, carrier range of the line of sight in cycles, Doppler and Doppler rate."""
     found = []
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):

@@ -2,8 +2,8 @@
 
 All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
 stretches of the recorder (10 ms) that overlap the requested window of samples are made. The latest stretches are kept,
-because the windows of other satellites overlap the same stretches. The windows of all satellites lie within about 40 ms
-for the RECS of an epoch, and within about 130 ms for E1.
+because the windows of other satellites overlap the same stretches. If no attack delays the signals, the windows of all
+satellites lie within about 40 ms for the RECS of an epoch, and within about 130 ms for E1.
 
 E6 equals the recording to the last bit. E1 differs from the recording only in the symbols of E1-B. In a campaign the
 symbols of E1-B are random, because no receiver of a campaign decodes the symbols.

@@ -2,7 +2,7 @@
 
 | file | content |
 |---|---|
-| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` file without RECS is not read |
+| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; another `.bin` file is not read |
 | `*.BGD` | group delays, see `vestige.crypto.recs.group_delay` |
 | `keys.csv` | OSNMA keys, see `vestige.crypto.keys.key_file` |
 | `*.sbf`, `*.csv` with navigation pages | OSNMA keys, see `vestige.recording.navigation.navigation_pages` |
@@ -134,8 +134,8 @@ class Contents:
 def assistance_kind(path: Path) -> FileKind | None:
     """Return the kind of a file by its name, suffix or first bytes, or None if the file is not an assistance file.
 
-    The function raises `InputFileError` if the file cannot be read, or has the name of a RECS file with a date that
-    does not exist.
+    The function raises `InputFileError` if the first bytes are needed and cannot be read. The function also raises
+    `InputFileError` if a `.bin` file has the name of a RECS file with a date that does not exist.
     """
     suffix = path.suffix.lower()
     named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)
@@ -152,7 +152,7 @@ def assistance_kind(path: Path) -> FileKind | None:
 
 
 def read_recs(path: Path, settings: Settings) -> Contents:
-    """Return the RECS of a file that are sent within the window of the settings."""
+    """Return the RECS of a file that are sent within the window of the settings, or all RECS if there is no window."""
     data, signature = _signed(path, settings, recs_file.MAX_RECS_FILE_BYTES)
     file = recs_file.parse_recs_file(data, path, reference=settings.reference)
     segments = file.segments
@@ -175,7 +175,7 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 
 def read_keys(path: Path, settings: Settings) -> Contents:
-    """Return the validated keys of a key file.
+    """Return the validated keys, the root keys and the alerts of a key file.
 
     The keys of the file also count as received OSNMA keys, because the writer of the file received these keys.
     """
@@ -213,7 +213,10 @@ def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings)
 
 
 def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
-    """Return the keys, root keys and demodulated data from the pages that an OSNMA receiver has processed so far."""
+    """Return the contents of the pages that an OSNMA receiver has processed so far.
+
+    The contents are keys, root keys, alerts, demodulated OSNMA, and navigation data that OSNMA tags verified.
+    """
     report, keys = receiver.report(), receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",

@@ -25,8 +25,9 @@ def write_assistance(
 ) -> tuple[Path, ...]:
     """Write `assistance` into `folder` as the server and the receiver would, and return the files.
 
-    RECS at equal intervals become aggregated files, and other RECS become unitary files. A hardware bias of zero and an
-    empty set of ionospheric delays are not written. A reader takes a missing bias or delay as zero.
+    Successive RECS of a satellite at equal intervals become an aggregated file, and a single RECS becomes a unitary
+    file. A hardware bias of zero and an empty set of ionospheric delays are not written. A reader takes a missing bias
+    or delay as zero.
 
     Parameters
     ----------

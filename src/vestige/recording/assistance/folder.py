@@ -4,7 +4,7 @@
 files that pass the following checks are used. A key must lead to the public key or the Merkle tree. If certificates are
 given, one of these certificates must have signed each RECS or BGD file. Certificates are never taken from the folder
 itself. If two files contradict each other, neither value is used. If a signed root key of any file withdraws a key,
-this key is not used. A damaged file is reported as a problem, and all other files stay in use.
+this key is not used. Without `strict`, a damaged file is reported as a problem, and the other files are still read.
 """
 
 from __future__ import annotations
@@ -74,11 +74,11 @@ class AssistanceFolder:
     problems
         Reasons why other files, or parts of files, were not used.
     missing
-        One line for each kind of data that the processor needs and the folder lacks.
+        Lines about data that the folder lacks, group delays of another time, and files without a verified signature.
     navigation
         Navigation data from the receiver's own message, if OSNMA tags verified these data.
     other_times
-        RECS outside the window, if all RECS in the folder are outside the window; None otherwise.
+        RECS outside the window, if the folder has RECS only outside the window; None otherwise.
     """
 
     assistance: Assistance
@@ -89,7 +89,7 @@ class AssistanceFolder:
     other_times: RecsOfOtherTimes | None = None
 
     def missing_for(self, span: tuple[GalileoTime, GalileoTime] | None) -> tuple[str, ...]:
-        """Return the missing data for a recording with the time span `span`.
+        """Return the lines about missing data for a recording with the time span `span`.
 
         If all RECS of the folder lie outside the window, a line gives the times of these RECS.
         """
@@ -121,7 +121,7 @@ class _Problems:
             self.collected.append(problem)
 
     def attempt(self, step: Callable[[], T]) -> T | None:
-        """Return the result of `step`, or None if `step` finds a fault in a file."""
+        """Return the result of `step`, or collect the error of `step` and return None."""
         try:
             return step()
         except VestigeError as error:
@@ -160,8 +160,8 @@ def read_assistance(
     strict
         Whether the first problem is raised as an error; if false, problems are collected.
     cache
-        Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
-        are not read again.
+        Cache of the files that an earlier call read. The cache is updated. A RECS or BGD file is not read again if the
+        file, the window and the list of its signature files are unchanged.
     message
         Path of the recording, and a function that reads the message that the receiver itself decoded from the
         recording. Keys in the message are used like keys of a file of navigation pages. Keys in the message may lead to
@@ -174,7 +174,8 @@ def read_assistance(
     AuthenticationError
         The public key that the caller names does not lead to the Merkle tree that the caller names.
     VestigeError
-        A file is not usable, and `strict` is true.
+        A file is not usable or contradicts another file, and `strict` is true. A file that the caller names is not
+        supported.
 
     Returns
     -------
@@ -264,7 +265,7 @@ def _contents(
 
 
 def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path]]:
-    """Return the files of a folder and of its direct subfolders by kind."""
+    """Return by kind the assistance files in a folder and in its direct subfolders."""
     found = list(list_folder(folder))
     for path in tuple(found):
         if path.is_dir() and not path.name.startswith("."):
@@ -290,7 +291,7 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
 
 
 def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[AssistanceFile]:
-    """Yield the content of each file of trust anchors.
+    """Yield an `AssistanceFile` for each file of trust anchors.
 
     A key that an earlier file also contains is described by the name of the earlier file.
     """
@@ -327,7 +328,7 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
 
 
 def _other_times(read: Iterable[Contents]) -> RecsOfOtherTimes | None:
-    """Return the RECS of other times if no file has RECS in the window."""
+    """Return the RECS outside the window, or None if there are no such RECS, or a file has RECS in the window."""
     found = None
     for one in read:
         if one.segments:

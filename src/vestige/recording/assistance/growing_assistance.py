@@ -1,10 +1,11 @@
 """Read an assistance folder that still receives files: RECS from the server, keys from the receiver.
 
-The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. The
-RECS of the next quarter of an hour are kept, or of a longer time if this quarter has no RECS. Later RECS are left out,
-even if the samples already cover a much longer time. Reading after changes takes at most a fifth of the time, even if
-the files are large. A file that another process is still writing can look damaged, so a fault is reported only if the
-fault persists.
+The folder is read again when a file or the navigation message has changed, or when RECS of another time are needed. An
+unchanged RECS or BGD file with unchanged signature files is read again only if RECS of another time are needed. The
+RECS of the quarter of an hour after the first needed RECS are kept. If this quarter has no RECS, the RECS of a longer
+time are kept. Later RECS are left out, even if the samples already cover a much longer time. Except for calls with
+`at_once`, reading after changes takes at most a fifth of the time, even if the files are large. A file that another
+process is still writing can look damaged, so a fault is reported only if the fault persists.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class GrowingAssistance:
         return self._window[1]
 
     def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
-        """Update `found` for the RECS from `first` to `last`, and return whether the folder or the message changed.
+        """Update `found` for the RECS from `first` to `last`, and return whether changed files or messages were read.
 
         If a file changes soon after the last reading, the change is read in a later call. With `at_once` the change is
         read in this call.
@@ -134,7 +135,7 @@ class GrowingAssistance:
             self._warn(problem)
 
     def _files(self) -> _Stamp:
-        """Return a value that changes if the message, or a file in the folder or its subfolders, changes."""
+        """Return a value that changes if the message, or a file in the folder or its direct subfolders, changes."""
         found = set()
         for path in (*self.path.glob("*"), *self.path.glob("*/*")):
             try:

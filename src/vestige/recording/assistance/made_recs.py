@@ -92,7 +92,7 @@ def open_code_warning(
     *,
     cipher_mode: CipherMode = CipherMode.CBC,
 ) -> str | None:
-    """Return a warning about RECS of the open E6-C code, or None if no RECS contains this code.
+    """Return a warning about RECS of the open E6-C code, or None if no decrypted RECS contains this code.
 
     For each satellite the first RECS with a known key is decrypted. The warning names `folder`, the source of the RECS.
     """
@@ -130,12 +130,13 @@ def make_assistance(
     """Make the assistance folder of a recording with open E6-C: RECS, zero group delays, keys, trust anchor and a note.
 
     The function raises `InputFileError` if the folder exists, or a file is not usable. The function raises
-    `VestigeError` if no satellite is found, no segment fits into the recording, or no key belongs to the time of the
-    recording.
+    `VestigeError` if no key can be validated, the recording has no E6 samples, `interval_s` is not a multiple of 0.1 s,
+    no satellite is found, no segment fits into the recording, or no key belongs to the time of the recording.
 
-    `keys_path` is the path of a key file, or of a file of navigation pages with OSNMA. The key file and the trust
-    anchors are copied into the folder. Without `svids` RECS are made for the satellites that are found on E1.
-    `progress` is called with the number of satellites for which E1 was searched, and the number of all satellites.
+    `keys_path` is the path of a key file, or of a file of navigation pages with OSNMA. The file at `keys_path` and the
+    given files of trust anchors are copied into the folder. Without `svids` RECS are made for the satellites that are
+    found on E1. `progress` is called with the number of satellites for which E1 was searched, and the number of all
+    satellites.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if assistance_kind(keys_path) is None else keys_path.name

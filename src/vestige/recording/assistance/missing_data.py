@@ -23,7 +23,7 @@ NO_RECS = "RECS: none"
 def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
     """Return lines for the user about the data that the folder lacks.
 
-    A line names a kind of data that the processor needs, a satellite with group delays of another time, or the number
+    A line names a kind of data that the processor can use, a satellite with group delays of another time, or the number
     of files without a verified signature.
     """
     missing = []
@@ -60,7 +60,7 @@ def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust:
 
 
 def _of_another_time(assistance: Assistance) -> Iterator[str]:
-    """Yield a line for each satellite whose group delays are not valid at the time of its RECS."""
+    """Yield a line for each satellite whose group delays begin after its last RECS, or are over 7 days older."""
     # latest RECS of each satellite, because the segments are in the order of time
     last = {segment.svid: segment.transmit_time for segment in assistance.segments}
     for svid, sent in sorted(last.items()):

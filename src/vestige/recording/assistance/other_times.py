@@ -1,8 +1,8 @@
 """Describe the RECS that were sent outside the recording, and estimate the error of the start time.
 
 A common mistake is a start that was read from a UTC clock, but is written without `UTC`. Such a start is taken as GST,
-and is 18 s too early [IERS Bulletin C]. With such a start, the folder has the right RECS, but the time window contains
-none of these RECS.
+and is 18 s too early [IERS Bulletin C]. With such a start, the time window of a short recording can miss the right
+RECS, although the folder has these RECS.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class RecsOfOtherTimes:
         Time of transmission of the first RECS after the window; None if there is no such RECS.
     leap_s
         Probable error of the window in whole seconds. The value is GST − UTC if a window that is later by this time
-        contains a RECS. The value is −(GST − UTC) if a window that is earlier by this time contains a RECS, and 0
-        otherwise.
+        contains a RECS. Otherwise the value is −(GST − UTC) if a window that is earlier by this time contains a RECS.
+        If no such window contains a RECS, the value is 0.
     """
 
     n: int

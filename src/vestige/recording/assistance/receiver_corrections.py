@@ -34,8 +34,8 @@ _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_L
 def read_hardware_bias(path: Path) -> float:
     """Return the hardware bias in `receiver.toml`: delay of the E6 front end minus delay of the E1 front end, in s.
 
-    The function raises `InputFileError` if the file is not TOML, or does not contain exactly one of the two keys with a
-    number of at most ± 1 ms.
+    The function raises `InputFileError` if the file is not TOML, does not have exactly one key, or this key is not one
+    of the two keys with a number of at most ± 1 ms.
     """
     table = read_toml_file(path, at_most=1 << 20)
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():

@@ -2,12 +2,13 @@
 
 Theory of operation
 -------------------
-E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, the conjugate samples contain the same
-codes with carrier Dopplers of the opposite sign. However, the code rate changes by the factor 1 + f_d/f_c in either
-direction of the spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on
-the direction of the spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed
-spectrum. With three or more satellites, the slope does not change if the samples jump, because the code phases of all
-satellites jump by the same time.
+E1-B, E1-C and E6-B modulate their carrier with real values, not with complex values. If the carrier is at 0 Hz, the
+conjugate samples contain the same codes with carrier Dopplers of the opposite sign. However, the code rate changes by
+the factor 1 + f_d/f_c in either direction of the spectrum, with the Doppler f_d and the carrier frequency f_c. So the
+code phases of two windows give a Doppler of each satellite that does not depend on the direction of the spectrum. The
+slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. With three or more
+satellites, the slope does not change if the samples jump, because the code phases of all satellites jump by the same
+time.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
         E1 file, with the description that was used for the measurement of the satellites.
     satellites
         At least two satellites with a measurement. For windows 100 ms apart, the root of the sum of the squared
-        Dopplers must be about 2 kHz or more.
+        Dopplers must be at least 1.8 kHz. With three or more satellites, the median Doppler is subtracted first.
     """
     whole = head(file, CODE_WINDOW_S + APART_S[1])
     if whole is None:
@@ -94,7 +95,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
     """Predict the acquisition in samples that start `ahead_s` after a measurement.
 
-    After 0.2 s the predicted code phase has an error of up to half a chip.
+    With a Doppler of 4 kHz, the predicted code phase has an error of about half a chip after 0.2 s.
     """
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s

@@ -1,12 +1,12 @@
-"""Test whether the samples are continuous: code phases at beginning, middle and end must agree.
+"""Test whether the samples are continuous: code phases at two or three positions must change as the Dopplers predict.
 
 Theory of operation
 -------------------
-The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the receiver's counter. E1-C shows the time
-of transmission modulo the 100 ms of its secondary code. The times of transmission at two positions of the file and the
-mean Doppler give the jump of the signal relative to the counter. Missing samples make the signals of all satellites
-jump ahead. Repeated samples make the signals jump back. The test does not find a loss or repetition of a whole multiple
-of 100 ms on E1, or of 1 ms on E6.
+The time of transmission of a signal with the Doppler f_d and the carrier frequency f_c grows by (1 + f_d/f_c) s in a
+second of the receiver's counter. E1-C shows the time of transmission modulo the 100 ms of its secondary code. The times
+of transmission at two positions of the file and the mean Doppler give the jump of the signal relative to the counter.
+Missing samples make the signals of all satellites jump ahead. Repeated samples make the signals jump back. The test
+does not find a loss or repetition of a whole multiple of 100 ms on E1, or of 1 ms on E6.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def examine_continuity(
     e6
         Reader of the E6 samples, with the description with which the satellites were found; None without E6.
     satellites
-        Satellites that were found at the beginning, the strongest first. Only the three strongest satellites are
-        measured again.
+        Satellites that were found at the beginning, the strongest first. Only the three strongest satellites with a
+        measurement are used.
     """
     followed = [one for one in satellites if one.snapshot is not None][:_SATELLITES]
     if not followed:
@@ -229,7 +229,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump in s of the E1 signals relative to the counter, positive if ahead, or None without a jump."""
+    """Return the jump of the E1 signals relative to the counter in s, positive if ahead; None if no jump is found."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():

@@ -52,7 +52,7 @@ class E1Result:
 
 
 def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
-    """Return the satellites in the first 100 ms of E1, found with a changed description if the given description fails.
+    """Return the satellites in the first 100 ms of E1, the description that fits the samples, and the findings.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real samples, or the reverse, if the strongest signal gains power."""
+    """Return the reading as real instead of complex samples, or the reverse, if C/N0 rises by more than 1 dB."""
     best = max(found, key=lambda one: one.cn0_dbhz)
     # if I and Q are read as real samples at twice the rate, half of the signal's power is lost
     least = best.cn0_dbhz + 1.0
@@ -154,7 +154,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
 
 
 def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
-    """Yield a finding of a wrong centre frequency if all Dopplers have one sign and a median above `STANDING_HZ`."""
+    """Yield a finding if three or more Dopplers, all of one sign, have a median magnitude above `STANDING_HZ`."""
     dopplers = sorted(one.doppler_hz for one in found)
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
@@ -222,10 +222,10 @@ def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
 
 
 def _rates(file: BandFile, rates_hz: list[float]) -> Iterator[_Hit | None]:
-    """Yield the signals at each sampling rate that the repetition of the codes suggests, until a rate fits.
+    """Yield the signals at the sampling rates that the repetition of the codes suggests, until a rate fits.
 
-    The likeliest rate is tried first. None is yielded for a rate without signals. Each rate that is tried is appended
-    to `rates_hz`.
+    The likeliest rate is tried first, and at most `_RATES` rates are tried. None is yielded for a rate without signals.
+    Each rate that is tried is appended to `rates_hz`.
     """
     batch = head(file, E1_WINDOW_S)
     if batch is None:

@@ -68,7 +68,7 @@ class E6Result:
 def examine_e6(
     files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = PREDICTED_SPAN_HZ
 ) -> E6Result:
-    """Return the satellites on E6, found with a changed description if the given description fails.
+    """Return the satellites on E6, the description that fits the samples, and the findings.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _shown(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> list
 
 
 def _readings(file: BandFile) -> Iterator[Iterable[Reading]]:
-    """Yield the readings for each kind of mistake in turn."""
+    """Yield the readings for a reversed spectrum, then for other formats, then for other sampling rates."""
     yield reversed_readings(file)
     yield chain(layout_readings(file), format_readings(file))
     batch = head(file, E6_WINDOW_S)
@@ -198,7 +198,7 @@ def _satellites(
 
 
 def _offset(batch: SampleBatch, e1: Sequence[E1Satellite], acquired: dict[int, E6Acquisition]) -> Iterator[Finding]:
-    """Yield a finding if the delay between E6 and E1 is too large to come from hardware."""
+    """Yield a finding if E6 is over `BAND_OFFSET_S` plus one sample away from the delay that E1 predicts."""
     period_s = E6B.period_s
     apart = [
         (acquired[one.svid].code_start_s - expected_start_s(one.snapshot, batch) + period_s / 2) % period_s

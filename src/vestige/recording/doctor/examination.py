@@ -1,10 +1,10 @@
 """Examine a recording: find the satellites, and the faults of the samples or of the description.
 
 The given description is tried first. If no signal is found with the given description, descriptions that differ by one
-mistake are tried. The trials of other descriptions take at most `TRY_S` of processor time in each band. On two idle
-cores the trials end after half of this time. The examination uses the first 100 ms, and windows of 100 ms in the middle
-and at the end. All float32 samples are read, for at most `READ_S` of processor time, because every other command stops
-at a sample that is not a finite number.
+mistake are tried. In each band, no further description is tried after `TRY_S` of processor time. Trials that keep two
+cores busy use up this processor time in half of `TRY_S`. The examination uses the first 100 ms, and windows of 100 ms
+in the middle and at the end. Float32 samples are read to the end of the file, or until `READ_S` of processor time is
+used up. The reason is that `vestige process` and `vestige track` stop at a sample that is not a finite number.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def examine(
 ) -> Examination:
     """Return the result of an examination of the signals in a recording.
 
-    The function raises `InputFileError` if a sample file cannot be opened.
+    The function raises `InputFileError` if a sample file cannot be opened, or its samples cannot be read.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def _head_is_usable(file: BandFile) -> bool:
 
 
 def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
-    """Yield the faults of the values at the beginning, in the middle and at the end of the samples."""
+    """Yield the first fault of the values at the beginning, in the middle and at the end of the samples."""
     name, band, rate = reader.file.path.name, reader.band, reader.file.sample_rate_hz
     count = min(max(round(_LOOKED_AT_S * rate), 1), reader.n_samples)
     firsts = (reader.first_sample, (reader.first_sample + reader.end_sample - count) // 2, reader.end_sample - count)

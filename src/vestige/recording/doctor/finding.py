@@ -61,8 +61,8 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 class TimeLimit:
     """Limit of the processor time of a step of the examination, counted from the creation of the object.
 
-    Processor time, in contrast to the time of day, does not depend on the load of the machine. So the findings do not
-    depend on the load of the machine either.
+    Processor time, in contrast to the time of day, depends little on the load of the machine. So the load of the
+    machine changes the findings little.
     """
 
     seconds: float

@@ -39,8 +39,8 @@ class Reading:
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:
     """Return up to `duration_s` of samples of a file from `first_s` on, or None if the samples cannot be read.
 
-    The result is also None if the file has no sample from `first_s` on, or if samples are not finite numbers, which
-    happens if the format is wrong.
+    The result is also None if the file has no sample from `first_s` on, or if samples are not finite numbers, for
+    example because the format is wrong.
     """
     try:
         reader = open_samples(file)

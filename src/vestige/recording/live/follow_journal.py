@@ -4,7 +4,7 @@
 of valid bytes in `verdicts.jsonl` and the SHA-256 of these bytes. `state.json` also contains the last snapshot and the
 receiver's state, with a second SHA-256. `state.json` is replaced as a whole after the lines were written. If a run is
 killed between the two writes, the newest lines are not valid yet. The next run cuts the invalid lines off, processes
-the snapshot again from the stored state, and writes the same lines. No line is lost, and no line appears twice. If the
+the snapshot again from the stored state, and writes the lines again. No line is lost, and no line appears twice. If the
 valid lines or the state were changed, the journal raises an error and cuts nothing off.
 """
 

@@ -1,29 +1,29 @@
-"""Yield the snapshots of a recording that is still being written, each as soon as its data are complete.
+"""Yield the snapshots of a recording that is still being written, each when its data are complete or its wait is over.
 
 Theory of operation
 -------------------
-A snapshot needs its RECS (downloaded days before), its samples, the E1 observations around its time, and the OSNMA key.
-The key is complete 9 to 61 s after the samples were taken. With a second channel or with accelerometers, the snapshot
-also waits for the keys and the accelerations of its time. A snapshot with all data equals the snapshot from the
-finished recording, bit for bit. The reason is that the snapshot's samples cover the range of every search, and later
-observations change nothing (`ObservationTrack.settled`).
+A snapshot needs its RECS (usually downloaded days before), its samples, the E1 observations around its time, and the
+OSNMA key. The key is complete 9 to 61 s after the samples were taken. With a second channel or with accelerometers, the
+snapshot also waits for the keys and the accelerations of its time. A snapshot with all data equals the snapshot from
+the finished recording, bit for bit. The reason is that the snapshot's samples cover the range of every search, and
+later observations change nothing (`ObservationTrack.settled`).
 
 Snapshots are yielded in the order of time, because the receiver state passes from each snapshot to the next. A snapshot
 that waits for its key delays the later snapshots, but the keys of later snapshots also come later. A missing key must
-not stop the receiver. So a snapshot is yielded at the latest `wait_s` after its samples. If the key is missing, the
-verdict states the missing key as its reason.
+not stop the receiver. So a snapshot with all samples waits at most `wait_s`, and longer only while samples wait to be
+tracked. If the key is missing, the verdict states the missing key as its reason.
 
-If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. A
-snapshot waits until a navigation message has given the time. A key counts as missing if tracking is `wait_s` past the
-snapshot and the key has not come. In tracking, `wait_s` is in the time of the signal, so this limit does not depend on
-the speed at which a file is read.
+If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. Then a
+snapshot also waits for a navigation message that gives the time. A key counts as missing if tracking is `wait_s` past
+the snapshot and the key has not come. In tracking, `wait_s` is in the time of the signal, so this limit does not depend
+on the speed at which a file is read.
 
-Samples from a pipe cannot be read again. After each look for new data, `LiveRecording.keep` gets the snapshots that
-still need samples. Every decision about samples refers to the data at the latest look for new data.
+Samples from a pipe cannot be read again. After each look for new data, `LiveRecording.keep` gets the times of the RECS
+that still need a snapshot. Every decision about samples refers to the data at the latest look for new data.
 
-A file has no mark of its end. So a recording counts as finished after `idle_s` without new data, or at the end of a
-pipe. After the end of the recording, the remaining snapshots are yielded with the available data, as from a finished
-recording.
+A file has no mark of its end. So a recording counts as finished after `idle_s` without new data. A recording from pipes
+also counts as finished when all pipes have ended. After the end of the recording, the remaining snapshots are yielded
+with the available data, as from a finished recording.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ Only `look` finds new data. Between two calls of `look` the ends of the samples 
 be read at any time. For a pipe, `keep` gets the times of the RECS that still need a snapshot, and drops earlier samples
 that neither these RECS nor tracking needs.
 
-If E1 is tracked, the navigation message gives the error of the samples' time tag. All times in this module are
-corrected for the error of the time tag.
+If E1 is tracked, the navigation message gives the error of the samples' time tag. The times that `LiveRecording`
+returns are corrected for the error of the time tag as soon as this error is known.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class LiveRecording:
         return seen != before
 
     def resume(self, after: GalileoTime, time_tag_error_s: float) -> None:
-        """Track only the samples that RECS after `after` need, if the time tag has the error `time_tag_error_s`."""
+        """Skip the E1 samples of a file that RECS after `after` do not need, with the given time-tag error."""
         if self.tracking is not None and Band.E1 in self._readers:
             self.tracking.resume(after - self._readers[Band.E1].start + time_tag_error_s)
 
@@ -147,7 +147,8 @@ class LiveRecording:
     def observed(self) -> ObservationTrack | None:
         """Return the observations for a snapshot that no longer waits, or None to measure E1 in the samples.
 
-        The function raises `InputFileError` if the recording has ended without any observation.
+        The function raises `InputFileError` if the recording has ended, `replaceable` is false, and the file of
+        observations has no complete first line.
         """
         file = self._observations
         if self.tracking is not None:
@@ -163,7 +164,7 @@ class LiveRecording:
         return self.track
 
     def _tracked(self, tracking: LiveTracking) -> ObservationTrack | None:
-        """Return the tracked observations, or None if too little is tracked and E1 can be measured without tracking."""
+        """Return the track of E1, empty if E1 has no ranges, or None if a short E1 is measured without tracking."""
         if tracking.time_tag_error_s is not None:
             return tracking.track
         if self.why_no_ranges:
@@ -222,12 +223,12 @@ class LiveRecording:
 
     @property
     def ended(self) -> bool:
-        """Whether all pipes have ended and E1 is tracked to the end; always False for files, which have no end mark."""
+        """Whether all pipes have ended and no stretch of E1 waits to be tracked; always False without pipes."""
         return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
 
     @property
     def is_behind(self) -> bool:
-        """Whether samples wait to be tracked."""
+        """Whether a whole stretch of E1 samples waits to be tracked."""
         return self.tracking is not None and self.tracking.is_behind(self._trackable)
 
     def complete(self, sent: GalileoTime) -> bool:
@@ -240,14 +241,14 @@ class LiveRecording:
     def stalled(self, sent: GalileoTime) -> bool:
         """Return whether one band has all samples that a RECS may need, and all available samples are tracked.
 
-        In this case the other band has ended, or its writer waits.
+        If `complete` is False, the other band has ended or is late, or its writer waits.
         """
         ends = self._ends
         late = max(ends.values()) - sent >= self._span_s[1] and not self.is_behind
         return late and len(ends) > 1
 
     def say_held_up(self, least_s: float) -> None:
-        """Warn once if the samples of a band end much earlier than the samples of the other band."""
+        """Warn once for each band whose samples end at least `least_s` before the samples of the other band."""
         ends = self._ends
         for band, end in ends.items():
             behind_s = max(ends.values()) - end
@@ -340,14 +341,14 @@ class LiveRecording:
         stream.wait(timeout_s)
 
     def finish(self) -> None:
-        """Mark the recording as complete."""
+        """Mark the recording as complete, and track the remaining samples."""
         if self._observations is not None:
             self._observations.end()
         if self.tracking is not None:
             self.tracking.finish(self._trackable)
 
     def _kept(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
-        """Return the window to keep, which only shrinks, because a larger window would need dropped samples."""
+        """Return the window of a RECS to keep; with tracking, the first known time-tag error fixes this window."""
         if self.tracking is None:
             return self._window(sent, band)
         if self._kept_error_s is None and self.tracking.is_told:
@@ -389,7 +390,7 @@ def buffer_s(uncertainty_s: float) -> float:
 
 
 def awaited_observations(description: RecordingDescription) -> Path | None:
-    """Return the file in a recording's folder that has the name of an observation file, but no first line yet."""
+    """Return a recording's file with the name of an observation file and no complete first line, or None."""
     return next((path for path in observation_names(description) if b"\n" not in _beginning(path)), None)
 
 

@@ -1,9 +1,9 @@
 """Track E1 while samples arrive, to get observations, the navigation message and the error of the time tag.
 
-The tracking receiver processes `TRACKED_STRETCH_S` of samples at a time. The results are the same as for the finished
-recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
-navigation message has given the time. Observations wait for the time from the message, which resolves the ambiguity.
-Observations that no RECS needs any more are dropped.
+The tracking receiver processes `TRACKED_STRETCH_S` of samples at a time. If no samples are lost, the results are the
+same as for the finished recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by
+multiples of 100 ms until a navigation message has given the time. Observations wait for the time from the message,
+which resolves the ambiguity. Observations that no RECS needs any more are dropped.
 """
 
 from __future__ import annotations
@@ -130,9 +130,10 @@ class LiveTracking:
         return (self.end_sample - self._first) / self._file.sample_rate_hz
 
     def resume(self, seconds: float) -> None:
-        """Begin tracking `seconds` − `RETRACKED_S` after the first sample.
+        """Begin tracking with the stretch at the time `seconds` − `RETRACKED_S` after the first sample.
 
-        The RECS in earlier samples already have verdicts.
+        If this time is negative, tracking begins with the first stretch. The RECS in earlier samples already have
+        verdicts.
         """
         stretches = max(math.floor((seconds - RETRACKED_S) / TRACKED_STRETCH_S), 0)
         self._first = self.end_sample = self._file.first_sample + stretches * self._count

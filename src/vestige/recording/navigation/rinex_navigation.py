@@ -1,8 +1,9 @@
 """Read and write RINEX navigation files of versions 3 and 4 with Galileo broadcast ephemerides [RINEX].
 
-A record has eight lines. The first line has the satellite, the time of clock (toc) and the clock polynomial. The other
-lines have up to four numbers each. Records of other systems are skipped. Records of F/NAV are also skipped, because the
-clock of F/NAV belongs to the pair (E1, E5a). In version 4 a line before each record names the kind of the record.
+A Galileo record has eight lines. The first line has the satellite, the time of clock (toc) and the clock polynomial.
+The other lines have up to four numbers each. Records of other systems are skipped. Records of F/NAV are also skipped,
+because the clock of F/NAV belongs to the pair (E1, E5a). In version 4 a line before each record names the kind of the
+record.
 
 The files count Galileo weeks from the GPS epoch, so a week number is 1024 larger than in Galileo System Time. Near the
 end of a week some writers give the week of transmission in place of the week of toe (time of ephemeris). So the reader
@@ -74,7 +75,7 @@ def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
     """Return the Galileo I/NAV ephemerides in the order of the file, without repeated issues of a satellite.
 
     The function raises `InputFileError` if the file has another format, is cut off, has an impossible number, or no
-    Galileo I/NAV ephemeris. The function raises `UnsupportedError` for RINEX 2.
+    Galileo I/NAV ephemeris. The function raises `UnsupportedError` for RINEX 1 and 2.
     """
     return parse_rinex_navigation(path, numbered_lines(path))
 

@@ -46,7 +46,7 @@ def read_accelerations(path: Path) -> Accelerations:
     """Return the accelerations of a file.
 
     The function raises `InputFileError` if the columns differ, a value is not a number within its limits, time does not
-    advance, there are fewer than two rows, or gravity was not removed.
+    advance, there are fewer than two or more than `MOST_ROWS` rows, or gravity was not removed.
     """
     table = _Table(path)
     for number, line in numbered_lines(path):
@@ -68,7 +68,7 @@ class GrowingAccelerations:
         self._table, self._lines, self._warn = _Table(path), GrowingLines(path), warn
 
     def look(self) -> bool:
-        """Read new rows, and return whether the file had new rows.
+        """Read new lines, and return whether the file had new lines.
 
         The function raises `InputFileError` if the columns differ, or the file became shorter.
         """
@@ -154,7 +154,7 @@ class _Table:
 
 
 def _check_gravity(path: Path, rows: Float[np.ndarray, "n 4"]) -> None:
-    """Raise InputFileError if the magnitude of the median acceleration is as large as gravity."""
+    """Raise InputFileError if the median acceleration of at least 20 s of rows has the magnitude of gravity."""
     if len(rows) and rows[-1, 0] - rows[0, 0] >= _GRAVITY_S:
         usual = float(np.linalg.norm(np.median(rows[:, 1:], axis=0)))
         if abs(usual - GRAVITY_MPS2) <= _GRAVITY_TOLERANCE_MPS2:

@@ -5,9 +5,9 @@ The first line names the columns, in any order::
     gst_week,gst_second,svid,pseudorange_m,carrier_phase_cycles,doppler_hz,doppler_rate_hz_per_s,cn0_dbhz,cycle_slip
     1161,348018.5,3,24563187.25,129081234.0625,-993.0,-0.41,45.1,0
 
-The time, the satellite and the pseudorange are required. The other columns, or single values, may be missing. Numbers
-are written with all digits. Lines of the same epoch follow each other, and epochs are in time order. The value 1 of
-`cycle_slip` means that the carrier phase is not continuous with the previous epoch.
+The time, the satellite and the pseudorange are required. The other columns, or single values in the other columns, may
+be missing. Numbers are written with all digits. Lines of the same epoch follow each other, and epochs are in time
+order. The value 1 of `cycle_slip` means that the carrier phase is not continuous with the previous epoch.
 """
 
 from __future__ import annotations

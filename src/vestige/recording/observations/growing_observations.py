@@ -1,7 +1,8 @@
 """Read E1 observations from a file that a receiver is still writing.
 
 A line is read when its end is written. A RINEX epoch is complete when its last record is written. A CSV epoch is
-complete when the next epoch begins. A complete line that is damaged is left out and reported.
+complete when the next epoch begins, or when the file is marked as complete. After the header, a damaged line, or the
+epoch of this line, is left out and reported.
 """
 
 from __future__ import annotations

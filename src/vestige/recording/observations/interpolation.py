@@ -1,9 +1,9 @@
 """Interpolate E1 observations to a moment between the epochs of a file.
 
-A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Let a and b be two epochs, and T the
-time from a to b. The carrier phase gives the motion between the epochs to a fraction of a wavelength. So the
-interpolated pseudorange follows the phase. At the time t the share u = (t - t_a)/T of the interval has passed, and the
-values are:
+A snapshot begins with its RECS, usually at a time between two epochs of the E1 receiver. Let a and b be the epochs
+before and after this time, at the times t_a and t_b = t_a + T. The carrier phase gives the motion between the epochs to
+a fraction of a wavelength. So the interpolated pseudorange follows the phase. At the time t the share u = (t - t_a)/T
+of the interval has passed, and the values are:
 
 * Doppler f and its rate are linear in u. The Doppler is exact for constant acceleration.
 * Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite). The phase is exact for constant
@@ -17,9 +17,9 @@ slope of a parabola through three phases, or of a line through two phases. A mis
 Dopplers of the neighbouring epochs. A Doppler rate that cannot be computed is set to zero, which causes a small error.
 In half a snapshot of 16 ms, a Doppler rate of 50 Hz/s turns the carrier by less than 0.002 cycles.
 
-A satellite is left out if the epoch before or after the requested time is missing, or if these epochs are too far
-apart. A satellite is also left out if it has no Doppler, or if code and carrier disagree because the receiver's clock
-was set between the epochs.
+Unless a satellite has an epoch at the requested time itself, the satellite is left out if the epoch before or after
+this time is missing, or if these epochs are too far apart. A satellite is also left out if it has no Doppler, or if
+code and carrier disagree, for example because the receiver's clock was set between the epochs.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observati
 
 
 def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
-    """Return the observed Doppler at `index`, or the Doppler from the phases around `index`, or NaN without phases."""
+    """Return the observed Doppler at `index`, or the Doppler from continuous phases around `index`, or NaN."""
     here = points[index]
     if not math.isnan(here.observation.doppler_hz):
         return here.observation.doppler_hz

@@ -47,7 +47,7 @@ class EpochParser(Protocol):
     def finish(self) -> ObservationEpoch | None:
         """Return the epoch that the end of the file completes, or None.
 
-        The function raises `InputFileError` if the file was cut off.
+        The function raises `InputFileError` if the file was cut off or is empty.
         """
         ...
 

@@ -78,14 +78,15 @@ def open_observations(path: Path) -> ObservationFile:
 class ObservationTrack:
     """E1 observations at any time from a file.
 
-    If the requested times increase, the file is read once. For an earlier time the file is read again from the start.
+    While the requested times increase, the file is read in one pass. For a time whose epochs were dropped, the file is
+    read again from the start.
 
     Parameters
     ----------
     file
         File of the observations. A file that still grows gives the epochs so far, and new epochs in later calls.
     max_gap_s
-        Longest time in s over which to interpolate; by default twice the interval between the first epochs.
+        Longest time in s over which to interpolate; by default twice the median interval between the first 16 epochs.
     """
 
     def __init__(self, file: Iterable[ObservationEpoch], *, max_gap_s: float | None = None) -> None:

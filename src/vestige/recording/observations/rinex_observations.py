@@ -113,14 +113,15 @@ def is_rinex_observations(first_line: str) -> bool:
 class RinexParser:
     """`EpochParser` of RINEX observations.
 
-    The last record of an epoch completes the epoch. After an error the parser skips everything until the next epoch
-    record. Epochs without a Galileo satellite are empty. A field that is blank or zero was not measured. Doppler rates
-    are NaN, because RINEX has no Doppler rates. A satellite has a cycle slip after a power failure, or if its
-    loss-of-lock indicator is set. A satellite also has a cycle slip if its observations come from another signal than
-    in the previous epoch.
+    The last record of an epoch completes the epoch. After an error in an epoch, the parser skips everything until the
+    next epoch record. Epochs without a Galileo satellite are empty. A field that is blank or zero was not measured.
+    Doppler rates are NaN, because RINEX has no Doppler rates. A satellite has a cycle slip after a power failure, or if
+    bit 0 of its loss-of-lock indicator is set. A satellite also has a cycle slip if its observations come from another
+    signal than its previous observations.
 
-    `take` raises `InputFileError` if the file has another format, a line is damaged, or time does not advance. `take`
-    raises `UnsupportedError` for RINEX 1 and 2, compact RINEX, GLONASS time and scaled observations.
+    `take` raises `InputFileError` if the file has another format, the header is incomplete, a line is damaged, a
+    satellite appears twice in an epoch, or time does not advance. `take` raises `UnsupportedError` for RINEX 1 and 2,
+    compact RINEX, GLONASS time and scaled observations of Galileo.
     """
 
     def __init__(self, path: Path) -> None:
@@ -156,7 +157,7 @@ class RinexParser:
     def finish(self) -> ObservationEpoch | None:
         """Return None, because `take` has returned all epochs.
 
-        The function raises `InputFileError` if the file was cut off.
+        The function raises `InputFileError` if the file is empty or was cut off.
         """
         if self._header is None:
             _first_line(self._path, "")

@@ -1,9 +1,10 @@
 """Read I/NAV pages in Septentrio Binary Format (SBF), block GALRawINAV.
 
-A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. The number at the end
-of a field is its length in bytes. The CRC covers everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 |
-CRC passed | Viterbi count | source | 2 bytes | 32 bytes of navigation bits`. The time of a block is the **end** of the
-page, and the week of a block is the GPS week [SBF].
+A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. In this list, the
+number at the end of a field is the field's length in bytes. The CRC covers everything after the CRC field. GALRawINAV
+(id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes | 32 bytes of navigation bits`. The first four
+of these fields have one byte each. The time of a block is the **end** of the page, and the week of a block is the GPS
+week [SBF].
 
 The reader tests the length and the CRC of each block. If a test fails, the reader continues at the next sync word `$@`.
 """
@@ -54,8 +55,8 @@ class SbfCounts:
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
     """Yield the E1-B pages of an SBF file, in the order of the file.
 
-    Pages that failed the receiver's checksum test are also yielded, because the caller tests the checksum again.
-    `counts` is filled while the file is read.
+    Pages that failed the receiver's checksum test are also yielded, because the caller tests the checksum again. Pages
+    without a usable time or satellite number are left out. `counts` is filled while the file is read.
 
     The function raises `InputFileError` if the file cannot be read, or contains no GALRawINAV block of E1-B.
     """

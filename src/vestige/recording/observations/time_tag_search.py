@@ -48,7 +48,7 @@ def search_label(
     cipher_mode: CipherMode = CipherMode.CBC,
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION,
 ) -> LabelSearch:
-    """Return the error of a recording's time tag from the RECS in its samples, and the decision for each RECS.
+    """Return the error of a recording's time tag from the RECS in its samples, and the decision for each searched RECS.
 
     `uncertainty_s` is the upper limit of the time tag's error in s.
     """

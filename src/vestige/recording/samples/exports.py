@@ -8,10 +8,10 @@
 
 The options in the files avoid several faults of gnss-sdr and PocketSDR. gnss-sdr acquires E6 only by E6-B. gnss-sdr
 must also track E6-B, because E6-C is encrypted. Without `bit_transition_flag` the Doppler on E6 is mostly wrong by 500
-Hz, because E6-B may change its sign every millisecond. With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125
-Hz. PocketSDR accepts no sample beyond ±7 and conjugates its input. The default phase loop of PocketSDR has a bandwidth
-of 5 Hz. A loop with a bandwidth of 5 Hz loses a satellite whose range oscillates with 5 m/s², as in
-`scenarios/quick.toml`. A loop with a bandwidth of 10 Hz keeps lock.
+Hz, because E6-B may change its sign every millisecond. With a Doppler step of 125 Hz in the acquisition of E1, gnss-sdr
+locks with a Doppler error of 125 Hz. PocketSDR accepts no sample beyond ±7 and conjugates its input. The default phase
+loop of PocketSDR has a bandwidth of 5 Hz. A loop with a bandwidth of 5 Hz loses a satellite whose range oscillates with
+an acceleration of up to 5 m/s², as in `scenarios/quick.toml`. A loop with a bandwidth of 10 Hz keeps lock.
 """
 
 from __future__ import annotations
@@ -231,7 +231,7 @@ def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tup
 def export_pocketsdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
     """Write samples, tag files, options and a README.txt for PocketSDR into `folder`, and return their paths.
 
-    The samples are int8 I and −Q of rms 2, clipped at ±7.
+    The samples are int8 I and −Q, each with an rms value of 2, and clipped at ±7.
     """
     satellites = ",".join(str(svid) for svid in sky.svids)
     paths, commands = [], []

@@ -16,8 +16,8 @@ element                 contents that vestige reads
 ======================= ==========================================================================================
 
 The schema, the working group's library and the published files write some names with different capital letters. The
-attribute of a unit is `format` in some files and `units` in others. The reader accepts every form. The writer uses the
-library's form, because programs use the library.
+attribute of a unit is `format` in some files and `units` in others. The reader accepts all these forms. The writer uses
+the library's form, because other programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
 tag, so the first samples of both files belong to the same moment. The option `--time-uncertainty` gives the upper
@@ -72,7 +72,7 @@ _MAX_COUNT = 1 << 40
 def read_ion_metadata(path: Path) -> RecordingDescription:
     """Return the recording that an ION metadata file describes, with at most one file for each band.
 
-    Files whose spectrum contains neither the E1 nor the E6 carrier are left out, with a note.
+    Files or streams whose spectrum contains neither the E1 nor the E6 carrier are left out, with a note.
 
     Parameters
     ----------
@@ -82,7 +82,8 @@ def read_ion_metadata(path: Path) -> RecordingDescription:
     Raises
     ------
     InputFileError
-        If the file is not ION metadata, lacks a required element, or names samples that do not exist.
+        If the file is not ION metadata, lacks a required element, has an unusable value, describes no samples of E1 or
+        E6, or names samples that do not exist.
     UnsupportedError
         If the file is valid and describes samples that vestige does not read.
 
@@ -135,14 +136,14 @@ class _Document:
         raise UnsupportedError(f"{self.path}: {self._place(element)}: found {found}; supported is {SUPPORTED}")
 
     def one(self, parent: Element, name: str) -> Element:
-        """Return the only child of an element with a name, or the element to which this child refers."""
+        """Return the only child of `parent` that has the name `name`, or the element to which this child refers."""
         found = self._children(parent, name)
         if len(found) > 1:
             self.refuse(parent, f"{len(found)} of {name}")
         return self._referred(parent, found[0])
 
     def several(self, parent: Element, name: str) -> list[Element]:
-        """Return the children with a name, at least one, or the elements to which these children refer."""
+        """Return the children with the name `name`, at least one, or the elements to which these children refer."""
         return [self._referred(parent, child) for child in self._children(parent, name)]
 
     def _children(self, parent: Element, name: str) -> list[Element]:
@@ -162,20 +163,20 @@ class _Document:
         return same[0]
 
     def text(self, parent: Element, name: str, default: str | None = None) -> str:
-        """Return the text of the only child with a name."""
+        """Return the text of the only child with the name `name`; `default` if there is no such child."""
         if default is not None and all(_name(child) != name for child in parent):
             return default
         return (self.one(parent, name).text or "").strip()
 
     def count(self, parent: Element, name: str, default: str | None = None) -> int:
-        """Return the whole number in the only child with a name."""
+        """Return the whole number in the only child with the name `name`; `default` if there is no such child."""
         text = self.text(parent, name, default)
         if not (text.isascii() and text.isdecimal() and len(text) <= 13 and int(text) <= _MAX_COUNT):
             raise InputFileError(self.path, f"{self._place(parent)}.{name}", text, "a whole number")
         return int(text)
 
     def hertz(self, parent: Element, name: str, default: float | None = None) -> float:
-        """Return the frequency in Hz in the only child with a name."""
+        """Return the frequency in Hz in the only child with the name `name`; `default` if there is no such child."""
         if default is not None and all(_name(child) != name for child in parent):
             return default
         element = self.one(parent, name)

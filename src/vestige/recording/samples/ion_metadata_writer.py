@@ -1,8 +1,8 @@
 """Write ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` file beside the samples of an existing recording.
 
-Names and units have the form of the working group's library, which other programs use. `ion_metadata` can read the
-file. The sample counter and the upper limit of the clock's error are lost, because the standard has no elements for
-counter and limit.
+Names and units have the form of the working group's library, which other programs use. `ion_metadata` can read the file
+if all bands begin at the same time. The sample counter and the upper limit of the clock's error are lost, because the
+standard has no elements for counter and limit.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Define the sample formats that vestige reads and writes, and convert stored samples to complex64 and back.
 
 The reader converts integers to float32 exactly and without scaling. Unsigned integers are offset binary, so half of
-their range is subtracted. 32-bit integers and 64-bit floats are not supported, because float32 cannot represent such
-numbers exactly.
+their range is subtracted. 32-bit integers and 64-bit floats are not supported, because float32 cannot represent all
+such numbers exactly.
 
 A file or pipe may contain samples of several channels in turn, for example from a recorder with two front ends. A frame
 is one sample of each channel.
@@ -129,8 +129,8 @@ def encode(
 ) -> Num[np.ndarray, " n_components"]:
     """Return the components to store for samples: `round(scale · sample)`, clipped to the range of the format.
 
-    Values are rounded to the nearest integer, and halves to the nearest even integer. float32 values are not rounded.
-    With `scale` 1 and without `inverted`, the bits of float32 values do not change.
+    Values are rounded to the nearest integer, and halves to the nearest even integer. float32 values are neither
+    rounded nor clipped. With `scale` 1 and without `inverted`, the bits of float32 values do not change.
 
     The function raises `ValueError` if a sample is not finite, or if complex samples are given to a real format.
 

@@ -1,7 +1,7 @@
 """Buffer the last seconds of samples from a pipe, and cut windows of samples from the buffer.
 
 A thread reads the pipe, so that the recorder does not wait while a snapshot is processed. The samples are buffered in
-blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, the thread stops
+blocks, and `keep` drops the blocks that are no longer needed. When `capacity_bytes` are buffered, the thread stops
 reading, so that a program that plays a file waits. For a receiver that cannot wait, the thread continues and drops
 samples. Dropped samples are counted, so later samples keep their number and time.
 
@@ -48,10 +48,10 @@ class SampleStream:
     """Samples of a band from a file descriptor, a named pipe or a function.
 
     A thread starts to read at once. The thread opens a named pipe, because opening waits for the writing program. A
-    function gets the largest number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most
-    `capacity_bytes` are buffered. If the writer cannot wait (`can_wait` is False), samples are dropped when the buffer
-    is full. A stream has the samples of a single channel. `recording.live.frame_splitter` makes a stream for each
-    channel of a pipe with several channels.
+    source that is a function gets the largest number of bytes to return, returns no bytes at the end, and may raise
+    `OSError`. At most `capacity_bytes` are buffered. If the writer cannot wait (`can_wait` is False), samples are
+    dropped when the buffer is full. A stream has the samples of a single channel. `recording.live.frame_splitter` makes
+    a stream for each channel of a pipe with several channels.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class SampleStream:
         return self._reader(low, held) if len(held) == high - low else None
 
     def next_after(self, first: int) -> int:
-        """Return the number of the first sample after the next gap that ends after sample number `first`.
+        """Return the number of the first sample after the first gap that ends after sample number `first`.
 
         If no gap ends after `first`, return the number after the last sample that was read.
         """
@@ -157,7 +157,7 @@ class SampleStream:
         return self._origin + sample * self.file.form.sample_bytes
 
     def _gaps(self) -> Iterator[tuple[int, int]]:
-        """Yield the gaps in the bytes that were read."""
+        """Yield the beginning and the end of each gap: bytes that were read, but are not in the buffer."""
         end = 0
         for block in self._blocks:
             if block.first_byte > end:

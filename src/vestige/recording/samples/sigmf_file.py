@@ -19,8 +19,9 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
 ======= ============================== =============================================================================
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
-a time tag from `core:datetime` alone may be wrong by up to a millisecond if both files state a `core:global_index`.
-Without `core:global_index` the time tags must agree within 2 µs, because nothing else relates the bands in time.
+a time tag from `core:datetime` alone may differ from the counter by up to a millisecond if both files state a
+`core:global_index`. If a file states no `core:global_index`, the time tags must agree within 2 µs, because nothing else
+relates the bands in time. Two time tags from `vestige:start_gst` must agree with the counter within 1 ns in any case.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class _Extension(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stream:
-    """A SigMF recording, and the accuracy of its time tag."""
+    """A SigMF recording of one band, with properties of its time tag and its counter."""
 
     file: BandFile
     exact_start: bool
@@ -91,8 +92,9 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
     A file whose spectrum contains neither the E1 nor the E6 carrier is left out, with a note. `described_in` names the
     recording: the metadata file itself, a collection or a folder.
 
-    The function raises `InputFileError` if a file is not SigMF metadata, lacks a required field, or contradicts itself
-    or the other band. The function raises `UnsupportedError` if a file is valid SigMF that vestige does not read.
+    The function raises `InputFileError` if a file is not SigMF metadata, lacks a required field or its samples, or
+    contradicts itself or the other band. The function also raises `InputFileError` if two files have the same band, or
+    if no file has E1 or E6. The function raises `UnsupportedError` if a file is valid SigMF that vestige does not read.
     """
     streams: dict[Band, _Stream] = {}
     notes = []
@@ -119,8 +121,8 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
 def read_collection(path: Path) -> RecordingDescription:
     """Return the recording that a `.sigmf-collection` file names.
 
-    The function raises the errors of `read_sigmf`, and `InputFileError` if a metadata file has changed since the
-    collection was made.
+    The function raises the errors of `read_sigmf`. The function also raises `InputFileError` if the file is not a SigMF
+    collection, or if a metadata file is missing or has changed since the collection was made.
     """
     content = _json(path)
     collection = content.get("collection") if isinstance(content, dict) else None
@@ -179,7 +181,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _stream(path: Path) -> _Stream | None:
-    """Return the recording that a metadata file describes, or None if its spectrum has no E1 or E6 carrier."""
+    """Return the recording of a metadata file, or None if its spectrum contains neither the E1 nor the E6 carrier."""
     metadata = _metadata(path)
     top: dict[str, Any] = metadata["global"]
     captures: list[dict[str, Any]] = metadata["captures"] or [{"core:sample_start": 0}]
@@ -275,7 +277,7 @@ def _data_file(path: Path, top: Mapping[str, Any]) -> Path:
 
 
 def _start(path: Path, capture: Mapping[str, Any]) -> tuple[GalileoTime | None, bool]:
-    """Return the time tag of a capture, and whether the time tag comes from `vestige:start_gst`."""
+    """Return the time tag of a capture or None, and whether the time tag comes from `vestige:start_gst`."""
     key, label = "vestige:start_gst", None
     exact, coarse = capture.get("vestige:start_gst"), capture.get("core:datetime")
     try:

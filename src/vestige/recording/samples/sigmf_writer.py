@@ -160,7 +160,8 @@ class SigmfWriter:
         """Write the samples of the next batch.
 
         The function raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first
-        batch. The function also raises `ValueError` if the batch does not begin at the sample after the previous batch.
+        batch. The function also raises `ValueError` if the batch does not begin at the sample after the previous batch,
+        or if `sample_format.encode` refuses the samples.
         """
         if self._first is None:
             self._first = batch

@@ -19,8 +19,8 @@ _MIXED_S = 120  # largest age in s of words 1 to 4 and 17 to 20 that are combine
 class EphemerisCollector:
     """Collector that takes navigation pages one by one and keeps the ephemerides of all satellites.
 
-    Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, which contains the
-    health of the signals, must have been received.
+    Any four of the words 1 to 4 and of the parity words 17 to 20 of an issue give all words 1 to 4 [OS-ICD, FEC2]. Word
+    5, which contains the health of the signals, must have been received.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Track E1 in a recording from the first sample to the last sample.
 
-The results are observations and navigation pages, as from a receiver that runs beside the recorder. The pages contain
-Galileo System Time. Before the first page with a time, pseudoranges refer to the time tag of the samples, and are known
-modulo 100 ms. After the whole recording is tracked, the time from the message corrects these pseudoranges. Once the
-message of a satellite has given the time, the messages of other satellites do not correct the ranges of this satellite
-until its signal is lost. So a replay with a delay of seconds is visible in these ranges.
+The results are observations and navigation pages, as from a receiver that runs beside the recorder. The times of the
+pages are in Galileo System Time. Before the first page with a time, the time tag of the samples resolves the ambiguity
+of 100 ms in the pseudoranges. After the whole recording is tracked, the time from the message corrects these
+pseudoranges. Once the message of a satellite has given the time, the messages of other satellites do not correct the
+ranges of this satellite until its signal is lost. So a replay with a delay of seconds is visible in these ranges.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def track_batches(
     settings, epochs_per_s, workers
         Arguments with the same meaning as in `track_recording`.
     progress
-        Function that is called with the number of pieces of `TRACKED_STRETCH_S` that are tracked.
+        Function that is called with the number of pieces of `TRACKED_STRETCH_S` that were tracked so far.
 
     Raises
     ------
@@ -207,7 +207,8 @@ def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
 def with_code_periods(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
     """Return an epoch whose pseudoranges are corrected by whole periods of the secondary code.
 
-    The correction makes each travel time as near as possible to the expected travel time.
+    The correction brings each pseudorange as near as possible to the range that follows from the median travel time and
+    the clock error.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@
 | `navigation.rnx` | RINEX navigation file with the ephemerides from the navigation messages |
 | `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; all bits of a missing page are zero |
 | `taps.csv` | E1-C correlators over 100 ms: time, satellite, and in-phase and quadrature part of each correlator |
-| `power.csv` | C/N0 (over 1 s) and power (over 100 ms) of E1-C of each satellite, and mean power of all E1 samples |
+| `power.csv` | C/N0 (time constant 1 s) and power (over 100 ms) of E1-C, and power of the samples (over 200 ms) |
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 def clock_set_s(tracked: TrackedRecording) -> int:
     """Return the whole seconds by which the clock of the recording is ahead of Galileo System Time.
 
-    The result is negative if the clock is behind. The result is 0 if the error is at most 1 s.
+    The result is negative if the clock is behind. The result is 0 if the error is at most 1 s, or is not known.
     """
     error_s = tracked.time_tag_error_s or 0.0
     return round(error_s) if abs(error_s) > _CLOCK_IS_SET_S else 0
@@ -109,7 +109,7 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
 def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
     """Return the power of E1-C in dB relative to one squared unit of the sample values; NaN without a signal.
 
-    The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C adds √C N to the
+    The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C adds √C · N to the
     prompt. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
 
     Parameters

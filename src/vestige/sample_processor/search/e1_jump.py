@@ -5,11 +5,11 @@ Theory of operation
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and finds two
 peaks, as under spoofing. But the two peaks of a jump are never present at the same time. So for two peaks of a
 satellite the power of every single period is measured at both code phases. If the noise has variance 1 per dimension,
-the power is chi-squared with ν = 2 · components degrees of freedom. While the signal is present, the distribution has
-the non-centrality λ. Each peak may be present in all periods, only before some period k, or only from period k on. The
-mean power of the peak in the periods in which the peak is present gives λ. The most likely pattern is chosen. If one
-peak is present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then represents
-this signal.
+the power of noise alone is chi-squared with 2 · components degrees of freedom. While the signal is present, the
+distribution has the non-centrality λ. Each peak may be present in all periods, only before some period k, or only from
+period k on. The mean power of the peak in the periods in which the peak is present gives λ. The most likely pattern is
+chosen. If one peak is present before k and the other peak from k on, the peaks belong to one signal. The stronger peak
+then represents this signal.
 
 If a second signal appears or ends while the first signal stays, there are two signals.
 """

@@ -1,9 +1,9 @@
 """Measure all signals on E1 at one time, for the list of `vestige search e1`.
 
-`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal in the samples
-of the search with `measure_e1`, and refers all signals to the first sample. If samples are missing, every signal jumps
-to another code phase. After a jump was found, only the longest part without a jump is used, and all signals are
-measured in this part.
+`search_e1` finds signals on a grid of 125 Hz and about a quarter of a chip. This module measures each signal in the
+samples of the search with `measure_e1`, and refers all signals to the first sample. If samples are missing, every
+signal jumps to another code phase. After a jump was found, only the longest part without a jump is used, and all
+signals are measured in this part.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def list_e1(
     Parameters
     ----------
     batch
-        E1 samples, at least 8 ms; up to 100 ms are used. For `measure_e1`, 60 ms without a jump are enough.
+        E1 samples, at least 8 ms; with the default of `periods`, up to 100 ms are used. For `measure_e1`, 60 ms without
+        a jump are enough.
     overall_pfa, doppler_span_hz, periods, progress
         Arguments with the same meaning as in `search_e1`.
     """

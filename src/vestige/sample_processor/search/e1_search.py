@@ -7,22 +7,23 @@ period (4 ms) is coherent. The sum over K periods and the components E1-B and E1
 from the powers, the strongest first. The following parts of a taken signal are not taken as a second signal:
 
 * the correlation peak of the signal: all cells within `BLIND_CHIPS`. The peak ends one chip away, with the side peaks
-  of BOC(1,1) and CBOC at ±½ chip. The code Doppler of a wrong bin widens the peak by 0.6 chip over 100 ms and 10 kHz;
+  of BOC(1,1) and CBOC at ±½ chip. In a bin that is 10 kHz away from the signal, the code Doppler widens the peak by 0.6
+  chip over 100 ms;
 * the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
 * the code side lobes of the signal, at any code phase. These side lobes have at most −20 dB for one code period of a
   memory code at a wrong Doppler, or with a symbol that changes. So a signal that is more than `CROSS_CORRELATION_DB`
   below the strongest signal is left out.
 
-At most `MAX_SIGNALS` signals of a satellite are taken. More peaks are interference: a swept jammer correlates with the
-code at a thousand code phases.
+At most `MAX_SIGNALS` signals of a satellite are taken. More peaks usually come from interference. For example, a swept
+jammer can exceed the threshold at hundreds of code phases.
 
 If a peak is present only while a stronger peak is absent, the two peaks are one signal before and after a jump. A
-signal jumps where samples are missing (`e1_jump`). If `MAX_SIGNALS` peaks were found, the search does not look for
-jumps.
+signal jumps where samples are missing (`e1_jump`). If `MAX_SIGNALS` peaks of a satellite were found, the search does
+not look for jumps of this satellite.
 
-The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The bank of correlators and
-the range checks look for a signal within 2 chips. The search also does not find a signal that is more than 16 dB weaker
-than the strongest signal.
+The search cannot separate two signals whose code phases modulo 4 ms differ by less than 2 chips (586 m). If the weaker
+signal is up to 600 m earlier, the default bank of correlators on E6 contains this signal. The search also does not find
+a signal that is more than 16 dB weaker than the strongest signal.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def search_e1(
     Parameters
     ----------
     batch
-        E1 samples, at least 8 ms; up to 100 ms are used.
+        E1 samples, at least 8 ms; with the default of `periods`, up to 100 ms are used.
     overall_pfa
         Probability that noise alone gives any signal.
     doppler_span_hz, doppler_center_hz

@@ -1,7 +1,8 @@
 """Compute the exact value of a cell of the exhaustive search in complex128, and the peak of the signal in the cell.
 
-A sum over chips n = 165 p + q at many frequencies is computed as two small matrix products. The first product is over q
-within short pieces, and the second product is over the pieces. So no large table of exponentials is needed.
+A sum over chips n = 165 p + q at many frequencies is computed in two steps. The first step sums over q within each
+piece p of 165 chips, as a matrix product. The second step sums over the pieces. So no large table of exponentials is
+needed.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class Cell:
 def exact_peak(
     source: SampleSource, cell: Cell, bins_hz: Float64[np.ndarray, " bins"], threshold: float
 ) -> Peak | None:
-    """Return the peak at a cell, refined in Doppler and code phase; None if no bin is above the threshold.
+    """Return the peak at a cell, refined in Doppler and code phase; None if there is no peak.
+
+    The result is None if no bin is above the threshold, or if the samples do not contain all chips.
 
     Parameters
     ----------

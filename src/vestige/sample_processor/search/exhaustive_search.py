@@ -5,8 +5,8 @@ Theory of operation
 The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to the range of int8.
 An engine receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every
 offset. So a file is read piece by piece, and all codes use the same chips of a block. Blocks are searched in order of
-time. Therefore even an interrupted search finds the earliest signal first, which is the true signal under Assumption 2.
-An interrupted search can be continued.
+time. Therefore even an interrupted search finds the earliest signal of a satellite first. Under Assumption 2, the
+earliest signal is the true signal. An interrupted search can be continued.
 
 **Code Doppler.** A replica without code Doppler slides by 0.32 chip at 5 kHz and 16 ms, and loses up to 0.72 dB. The
 slide is the Doppler over the carrier frequency, times the number of chips. A Doppler span that is wider than
@@ -86,7 +86,7 @@ class ExhaustiveSearch:
     integration_s
         Integration time T_I in s: the first 1, 2, 4, 8 or 16 ms of a RECS.
     doppler_span_hz
-        Half width of the Doppler search, which goes from −span to +span.
+        Half width of the Doppler search in Hz; the search goes from −span to +span.
     engine
         `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest engine that this
         machine can run. With every engine, only exactly computed cells decide. `segment` misses a few of the weakest
@@ -120,7 +120,7 @@ class ExhaustiveSearch:
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins of a pass relative to its middle in Hz; the bins reach half a bin beyond the pass."""
+        """Doppler bins of a pass relative to its middle in Hz; no bin is more than half a bin beyond the pass."""
         bins = GRIDS[self.n_chips].bins_hz
         half = self.doppler_span_hz / len(self.passes_hz) + 0.25 / self.integration_s
         return bins[np.abs(bins) <= half * (1 + 1e-9)]
@@ -155,13 +155,13 @@ class ExhaustiveSearch:
         threshold
             Threshold on the magnitude, in standard deviations of the noise per dimension.
         after
-            Progress from which an interrupted search continues. Samples and arguments, except for `workers`, must be
-            equal to the samples and arguments of the interrupted search.
+            Progress from which an interrupted search continues. The continued search must have the same samples,
+            arguments and settings as the interrupted search, except for `workers`.
 
         Raises
         ------
         ValueError
-            If a code is too short.
+            If a code has fewer chips than the integration time.
         EngineUnavailableError
             If the engine cannot run on this machine.
         """
@@ -230,7 +230,7 @@ def _next(
 def searchable(
     source: SampleSource, integration_s: float, first_start: GalileoTime, last_start: GalileoTime
 ) -> tuple[GalileoTime, float]:
-    """Return the range of start times for which the samples contain the whole sum: first time, and width in s."""
+    """Return the part of the time uncertainty whose sums lie completely in the samples: first time, and width in s."""
     head = source.read(source.first_sample, 1)
     # two chips are a margin for the code Doppler and the last half chip
     length_s = (source.end_sample - source.first_sample) / head.sample_rate_hz - integration_s - 2 / CHIP_RATE_HZ
@@ -266,10 +266,10 @@ class _Block:
         return found, float(np.sqrt(strongest / noise))
 
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
-        """Return the peaks of a cluster: its cells whose exact value is above the threshold, the strongest first.
+        """Return the peaks of a cluster; its cells are computed exactly, the cell with the largest engine power first.
 
-        Cells on the correlation triangle of a peak are not tested again. Beyond the triangle there may be another
-        signal.
+        Further cells on the correlation triangle of a peak are not tested. Beyond the triangle there may be another
+        signal. The test of a cluster ends after `_CELLS_OF_CLUSTER` cells in a row without a peak.
         """
         peaks: list[Peak] = []
         rest, tries = offsets, _CELLS_OF_CLUSTER

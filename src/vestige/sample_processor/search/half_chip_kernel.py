@@ -1,9 +1,10 @@
 """Sum samples into half chips, the first step of the hand-over search and of the exhaustive search in E6.
 
-A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². R is the received chip rate, and Ṙ
-is the change of this rate. The carrier is removed from the sample, and the sample is added to half chip ⌊2u⌋. The
-correlator at a delay of any multiple of half a chip is then a signed sum of the half chips. The signed sum equals the
-sum over samples, because `vestige.sample_processor.correlator` finds the same chip for every sample.
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². R is the received chip rate at the
+start of the code, and Ṙ is the rate of change of R. The carrier is removed from the sample, and the sample is added to
+half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of the half chips. The
+signed sum agrees with the sum over samples in `vestige.sample_processor.correlator`, because both computations assign a
+sample to the same chip.
 
 Phases of code and carrier are computed in float64 for each block of 1024 samples. Inside a block the code phase is an
 integer with 40 fraction bits, and the carrier is a table.
@@ -24,7 +25,10 @@ _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, places, turn_re, turn_im, slope, curve, y_re, y_im):
-    """Remove the carrier, the block's phase and the angle slope · k + curve · k² from sample k after the middle."""
+    """Remove the carrier, the block's phase and the angle slope · k + curve · k² from each sample.
+
+    k is the number of the sample, counted from the middle of the block.
+    """
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]

@@ -14,14 +14,14 @@ period of 4 ms would be wrong by 120 chips after 30 s.
 
 The carrier is removed from the samples. The samples are then summed into chips along u (`half_chip_kernel`), on two
 grids half a chip apart. A row has 4 ms of chips. A RECS of 16 ms has four rows. With a period of 4 ms, hypothesis m + 1
-shares three rows with hypothesis m. So every row is multiplied only once by all quarters of the RECS at all taps
-(`row_kernel`), on one of the two grids of chips:
+shares three rows with hypothesis m. So the products of a row with all quarters of the RECS at all taps serve several
+hypotheses (`row_kernel`). Each tap uses one of the two grids of chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 
 Carrier and code phase are continuous through all rows, so no phases have to be joined. At a tap k half chips from the
-middle, the k/2 outermost chips of the RECS are left out, which costs 0.0001 dB. The noise of each hypothesis is
-Σ|chip sum|² of its rows, see `vestige.sample_processor.correlator`.
+middle, up to (k + 1)/2 chips at an end of the RECS are left out. Each of these chips costs 0.0001 dB if the RECS lasts
+16 ms. The noise of each hypothesis is Σ|chip sum|² of its rows, see `vestige.sample_processor.correlator`.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def search_handover(
         Number of code offsets, half a chip apart, that are tested at each possible arrival; an odd number.
     trace
         Function that is called for each position with its time and the magnitude of its strongest tap, in standard
-        deviations of the noise.
+        deviations of the noise per dimension.
     """
     if taps < 1 or taps % 2 == 0:
         raise ValueError(f"the number of correlators must be odd, not {taps}")

@@ -84,7 +84,7 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
 
 
 def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
-    """Return the sequence of the first `n_chips` chips of a longer sequence."""
+    """Return the sequence of the first `n_chips` chips of a sequence, or of all chips if the sequence is shorter."""
     return ChipSequence.of(
         svid=chips.svid,
         transmit_time=chips.transmit_time,
@@ -97,7 +97,7 @@ def separated(peaks: Iterable[Peak]) -> tuple[Peak, ...]:
     """Return the peaks in order of time, without peaks within one chip of a stronger peak of the same satellite.
 
     The correlation triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset. So a
-    weaker peak within a chip is part of the stronger peak, at any Doppler.
+    weaker peak within a chip is taken as a part of the stronger peak, at any Doppler.
     """
     kept: list[Peak] = []
     for peak in sorted(peaks, key=lambda one: -one.magnitude):

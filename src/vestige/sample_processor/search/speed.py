@@ -13,7 +13,7 @@ from vestige.theory.search_budget import search_budget
 
 
 def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
-    """Return the expected run time in s of `hypotheses` with the engine and workers of a search.
+    """Return the expected run time in s for a number of hypotheses, with the engine and workers of a search.
 
     One block of one grid is timed, which takes 5 to 200 ms. The time is CPU time if the engine runs on every core, and
     wall time if all workers share one GPU.

@@ -85,7 +85,7 @@ def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, 
     Parameters
     ----------
     settings
-        Settings with the distance of the correlators and the replica.
+        Settings with the early-late distance, the replica and the code discriminator.
     sample_rate_hz
         Sampling rate in Hz.
     bandwidth_hz
@@ -137,7 +137,8 @@ class Channel:
     Raises
     ------
     VestigeError
-        If the sampling rate is too low for the correlators, or if a loop cannot have the requested bandwidth.
+        If the sampling rate is too low or the early-late distance is too large for the correlators, or if a loop cannot
+        have the requested bandwidth.
 
     Notes
     -----

@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
-negative. `correlator_bank_kernel` correlates a period as its samples arrive. The period gives the bank P_j of E1-C,
-with the secondary chip removed, and the prompt of E1-B. After every integration the discriminators give the errors,
-from the early (E), prompt (P) and late (L) correlator:
+negative. `correlator_bank_kernel` correlates a period as its samples arrive. The period gives the bank of E1-C, with
+the secondary chip removed, and the prompt of E1-B. After every integration the discriminators give the errors, from the
+early (E), prompt (P) and late (L) correlator:
 
     carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
                       or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
@@ -13,15 +13,16 @@ from the early (E), prompt (P) and late (L) correlator:
     code phase        (|E|² − |L|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
                       or Re((E − L) P*) / (2 A² R(0) R'(d))
 
-Here T is the integration time, and d is half the distance from early to late. R is the correlation of the received
-pulse with the replica, with R(0) = 1, and R' is the slope of R. `loop_gains` gives the gains. The carrier loop aids the
-code loop with the frequency in its integrator, not with its momentary rate.
+Here k counts the integrations, T is the integration time, and d is half the distance from early to late. R is the
+correlation of the received pulse with the replica, with R(0) = 1, and R' is the slope of R. `loop_gains` gives the
+gains of the loops. The carrier loop aids the code loop with the frequency in its integrator, not with its momentary
+rate.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
 Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ for the phase error φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V)
 divided by the code period of 4 ms. S is the square of the mean in-phase part minus the noise in this square, and V is
-the variance of the in-phase part. S and V are smoothed over 1 s. The quadrature part is not used, because it contains
-the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
+the variance of the in-phase part. S and V are smoothed over 1 s. The C/N0 does not use the quadrature part, because the
+quadrature part contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -46,7 +46,7 @@ class Observables:
 
 
 class ChannelTrack:
-    """Tracking channel with its navigation message and its code periods of the last `HISTORY_S`.
+    """Tracking channel, with a reader of its message pages, and with its code periods of the last `HISTORY_S`.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class ChannelTrack:
 
     @property
     def reach(self) -> float:
-        """Number of the last sample with observables."""
+        """Sample number of the latest moment with observables, with a fraction."""
         return float(self.channel.first_sample) - DOPPLER_SPAN_S / 2 * self._rate_hz
 
     def newest(self) -> tuple[int, float] | None:
@@ -110,7 +110,7 @@ class ChannelTrack:
         return int(period["first_sample"]), float(sent_s)
 
     def learn_time(self, page: ReceivedPage, near: GalileoTime) -> GalileoTime | None:
-        """Return the time of transmission of a page from its word, and set `zero`; None if the word has no time.
+        """Return the time of transmission of a page from its word, and set `zero`; None if the page has no valid time.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class ChannelTrack:
         Parameters
         ----------
         sample
-            Number of the sample, not later than `reach`.
+            Sample number, not larger than `reach`.
         """
         end = int(np.searchsorted(self._past["first_sample"], sample, side="right")) - 1
         return np.sum(self._banks[max(end - PERIODS_PER_SECONDARY, 0) : max(end, 0)], axis=0)

@@ -2,20 +2,21 @@
 
 Theory of operation
 -------------------
-**Running sums.** A replica is constant in each segment, which extends from one edge of the code to the next edge. The
-replica BOC(1,1) has an edge every half chip, so a segment contains about six samples at 12.5 MHz. A correlator needs
-only the sum of the samples of each segment, which is the difference of two running sums. The running sums are computed
-once for all satellites. The work for a satellite grows with the number of edges, and not with the sampling rate.
+**Running sums.** A replica is constant in each segment, which extends from one possible edge of the replica to the next
+possible edge. The replica BOC(1,1) can have an edge every half chip, so a segment contains about six samples at 12.5
+MHz. A correlator needs only the sum of the samples of each segment, which is the difference of two running sums. The
+running sums are computed once for all satellites. The work for a satellite grows with the number of edges, and not with
+the sampling rate.
 
 **Correlators at whole samples.** The replica of an early or late correlator is the replica of the prompt correlator,
 moved by some samples. So the segments of the moved replica begin and end some samples earlier or later in the same
-running sums. A vector reads the sums of two correlators at once.
+running sums. If all correlators lie at consecutive samples, a vector reads the sums of two correlators at once.
 
 **Carrier.** A segment has one carrier phase, the phase at its middle. With a residual frequency of 10 kHz the carrier
 turns by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004
 dB. If the centre frequency is not the E1 carrier, the difference is removed from the samples before they are summed.
 The frequency that is removed is a multiple of the sampling rate over 2³², so that its phase at any sample is an exact
-integer.
+integer in units of 2⁻³² cycles.
 
 **Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz the rounding of the
 sums is 116 dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the

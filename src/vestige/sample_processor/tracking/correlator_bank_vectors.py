@@ -1,7 +1,7 @@
 """Compute the sums of the correlator bank with vector instructions, which are written as LLVM code.
 
 `vestige.sample_processor.tracking.correlator_bank_kernel` explains the computation. A vector has four lanes: the real
-and imaginary parts of two correlators of the bank, which lie at consecutive samples.
+and imaginary parts of the sums at two consecutive lags.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -14,9 +14,10 @@ noise n_k of the measured phase is independent from one integration to the next.
 loop, the noise of φ is Σ h_j n_{k−j}. The one-sided noise bandwidth is B = Σ h_j² / (2T), so that σ_φ² = 2 B T σ_n² is
 exact.
 
-The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T and the natural frequency ω. A loop of order 2 has the damping
-1/√2. A loop of order 3 has (b₁, b₂) = (2.4, 1.1) [KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T →
-0. This module chooses ω so that the digital loop with its delay has the requested B.
+The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = b₃ x³ with x = ω T and the natural frequency ω. A loop of order 1 has (b₁, b₂,
+b₃) = (1, 0, 0). A loop of order 2 has (√2, 1, 0), which gives the damping 1/√2. A loop of order 3 has (2.4, 1.1, 1)
+[KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T → 0. This module chooses ω so that the digital loop
+with its delay has the requested B.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ This position gives elevations to a tenth of a degree. So within seconds the rec
 A search of all satellites in turn may take minutes.
 
 The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old. So every
-fourth search is for a satellite that is not known to be above the horizon. No verdict depends on the almanac.
+fourth search is for a satellite that is not known to be above the horizon, if such a satellite is untracked. No verdict
+depends on the almanac.
 """
 
 from __future__ import annotations
@@ -100,7 +101,8 @@ class Outlook:
 
         Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. The
         fourth search is for the other untracked satellites, if there are any. If several satellites qualify for a
-        search, the function returns the satellite that was searched for the longest time ago.
+        search, the function returns a satellite that was never searched, or else the satellite whose last search is the
+        oldest.
 
         Parameters
         ----------
@@ -122,7 +124,7 @@ class Outlook:
     def _look_up(self, time: GalileoTime) -> None:
         """Determine the satellites above the horizon; a result with satellites is kept for a minute.
 
-        No satellite moves by half a degree in a minute.
+        The elevation of a satellite near the horizon changes by less than half a degree in a minute.
         """
         if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
             self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}

@@ -4,7 +4,7 @@ Each code period of E1-B carries one symbol, so the code loop also gives the clo
 begins with a half-page and with a period of the secondary code of E1-C. So a page can begin at only 20 of 500
 positions. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
 whether the position is right [OS-ICD, 4.3.2]. When the position is found, a page is read every 500 symbols, until
-`LOST_PAGES` pages in a row have a bad checksum.
+`LOST_PAGES` pages in a row have a bad checksum or a wrong synchronisation pattern.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class PageSync:
     svid
         SVID of the satellite.
     tried, good
-        Number of pages decoded at a known position, and number of these pages with a good checksum.
+        Number of pages tried at a known position, and number of these pages with a good checksum.
     """
 
     svid: int
@@ -78,7 +78,7 @@ class PageSync:
         return pages
 
     def _next(self) -> ReceivedPage | None:
-        """Return the next page, without data if its checksum was bad; None if there are too few symbols."""
+        """Return the next page, without data if the page was not decoded; None if there are too few symbols."""
         if self._place is not None:
             if self._place + PAGE_SYMBOLS > self._first + self._soft.size:
                 return None
@@ -107,7 +107,7 @@ class PageSync:
         self._first = until
 
     def _decode(self, at: int) -> bytes:
-        """Return the data of the page that begins at a code period; empty if the checksum is bad."""
+        """Return the data of the page that begins at a code period; empty if the pattern or the checksum is bad."""
         soft = self._soft[at - self._first : at - self._first + PAGE_SYMBOLS]
         signs = np.sign(soft.reshape(2, HALF_SYMBOLS)[:, : _PATTERN.size]) * _PATTERN
         if abs(signs.sum()) < signs.size - 2 * _MAX_SYNC_ERRORS:

@@ -1,9 +1,9 @@
 """Detect replayed E1-B symbols from correlations over the beginnings of the symbols.
 
 An attacker who replays E1-B without delay has to estimate each unpredictable symbol while the symbol arrives. So the
-beginning of a symbol is wrong more often than the rest of the symbol [SECO-GRANADOS20]. A receiver that tracks E1-B
-correlates the beginning and the rest of each symbol. The receiver removes the sign of the decoded symbol, and compares
-the beginnings with one of two references.
+beginning of a symbol is wrong more often than the rest of the symbol [SECO-GRANADOS20]. For the tests, a receiver that
+tracks E1-B correlates the beginning and the rest of each symbol. The receiver removes the sign of the decoded symbol
+from the correlations, and compares the beginnings with one of two references.
 
 **The later parts of the same symbols** (`symbol_replay_test`). Let the signal have the amplitude 1 and C/N0 = c. The
 mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. Let first_k and later_k be the mean
@@ -22,7 +22,7 @@ unpredictable symbols, so the effect of the filter cancels. `vestige.theory.scer
 of this test, the thresholds, and the detection probabilities of both tests.
 
 **Unpredictable symbols** are symbols that nobody can know before reception. A symbol that an attacker can know before
-reception is predictable. `unpredictable_symbols` returns the 32 unpredictable symbols among the 500 symbols of an I/NAV
+reception is predictable. `unpredictable_symbols` marks the 32 unpredictable symbols among the 500 symbols of an I/NAV
 page. An OSNMA subframe of 30 s has at most 480 unpredictable symbols.
 
 **Limit of the tests**: the tests cannot detect a spoofing signal whose delay gives the attacker enough time to learn a
@@ -73,7 +73,8 @@ class PartialPrompts:
 class SymbolReplayTest:
     """Result of a test for replayed symbols; the test fails if `statistic` exceeds `threshold`.
 
-    `n_symbols` is the number of unpredictable symbols in the test.
+    `n_symbols` is the number of all symbols in `symbol_replay_test`, and of unpredictable symbols in
+    `predictable_reference_test`.
     """
 
     statistic: float
@@ -213,20 +214,21 @@ def predictable_reference_test(
     ----------
     first, later, symbols
         Correlations and symbols as in `symbol_replay_test`, for predictable and unpredictable symbols. The later parts
-        give the amplitude of the signal, on which the threshold depends.
+        give the amplitude of the signal, on which the thresholds of `magnitudes` and `ratio` depend.
     unpredictable
         Mask of the symbols that nobody can predict.
     metric
-        Comparison of the mean of the unpredictable symbols with the mean of the predictable symbols. `real` has an
-        exact threshold and needs a carrier in phase. `distance`, `magnitudes` and `ratio` do not depend on the
-        carrier's phase.
+        Comparison of the mean first part of the unpredictable symbols with the mean first part of the predictable
+        symbols. `real` and `distance` have exact thresholds. `real` needs a carrier in phase. `distance`, `magnitudes`
+        and `ratio` use magnitudes, which do not depend on the carrier's phase.
     p_fa
         False-alarm probability, below 0.5.
 
     Raises
     ------
     ValueError
-        If there are fewer than `MIN_SYMBOLS` predictable or unpredictable symbols.
+        If there are fewer than `MIN_SYMBOLS` predictable or unpredictable symbols, `p_fa` is not between 0 and 0.5, or
+        `metric` is unknown.
 
     Examples
     --------
@@ -264,8 +266,8 @@ def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. The code and the checksum
     are linear. So every symbol that depends on unknown bits is a sum of some of these bits and of known bits. A symbol
     may follow from sums of earlier symbols. An attacker who has received the earlier symbols then knows the later
-    symbol. So there are as many unpredictable symbols as unknown bits. An attacker can predict some bits of the MACK
-    message from earlier subframes, such as parts of the header of a tag. So the true number of unpredictable symbols is
+    symbol. So there are as many unpredictable symbols as unknown bits. From earlier subframes an attacker can predict
+    some bits of the MACK message, such as parts of the header of a tag. So the true number of unpredictable symbols is
     smaller.
 
     Examples

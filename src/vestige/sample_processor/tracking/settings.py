@@ -22,7 +22,8 @@ class TrackingSettings:
     pll_bandwidth_hz
         One-sided noise bandwidth of the phase-locked loop in Hz.
     pll_order
-        Order of the phase-locked loop, 2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
+        Order of the phase-locked loop, 2 or 3. In the steady state, a loop of order 3 follows a constant acceleration
+        without a phase error.
     fll_bandwidth_hz
         Initial noise bandwidth in Hz of the frequency-locked loop for the pull-in of the carrier. The bandwidth
         decreases during the pull-in.
@@ -31,11 +32,13 @@ class TrackingSettings:
         differences between code and carrier: ionosphere, multipath, noise.
     pll_discriminator
         Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt. `normalized
-        quadrature` is Q/A with the smoothed amplitude A, linear in the noise. `arctan2` is the angle of the prompt,
-        linear up to half a cycle. `arctan` is arctan(Q/I), which ignores a phase error of half a cycle.
+        quadrature` is Q/A with the smoothed amplitude A, linear in the noise up to a limit of a quarter of a cycle.
+        `arctan2` is the angle of the prompt, linear up to half a cycle. `arctan` is arctan(Q/I), which ignores a phase
+        error of half a cycle.
     dll_discriminator
         Measure of the code error, from the early, prompt and late correlators. `early-minus-late power` is |L|² − |E|².
-        `dot product` is Re((L − E) P*), which is less noisy because the prompt is stronger.
+        `dot product` is Re((L − E) P*), which is less noisy than `early-minus-late power` because the prompt is
+        stronger.
     integration_periods
         Number of code periods of 4 ms that are added coherently before the loops are updated, 1 or 5.
     early_late_chips
@@ -51,10 +54,11 @@ class TrackingSettings:
         Time in s for which the frequency-locked loop runs before the phase-locked loop starts.
     min_cn0_dbhz, min_phase_lock
         Lower limits of C/N0 in dBHz and of the phase lock. The phase lock is the mean of cos 2φ over about 0.3 s, with
-        the phase error φ. A channel that stays below one of the two limits for longer than `patience_s` is lost.
+        the phase error φ. A channel that stays below at least one of the two limits for longer than `patience_s` is
+        lost.
     slip_phase_lock
-        Lower limit, for observations, of the phase lock over 100 ms and of its mean over about 0.3 s. The first carrier
-        phase after a lower value is flagged as slipped.
+        Limit of the phase lock over 100 ms and of its mean over about 0.3 s, below which a channel gives no
+        observations. The first carrier phase after a lower value is flagged as slipped.
     """
 
     pll_bandwidth_hz: float = 15.0

@@ -1,16 +1,17 @@
 """Acquire satellites in a stream of E1 samples, track the satellites, and read their messages.
 
 `TrackingReceiver.run` takes the samples in consecutive pieces. The result does not depend on the lengths of the pieces.
-The receiver looks for all satellites at the beginning. Later, the receiver looks for an untracked satellite every 5 s.
-Three of four searches for untracked satellites prefer satellites that are above the horizon according to the almanac of
-the message (`outlook.py`). Lost satellites are searched every second for about two minutes, around their last Doppler.
-Observables are computed at the multiples of 1/`epochs_per_s` s on the receiver's clock.
+The receiver looks for all satellites at the beginning. Later, the receiver looks for one untracked satellite every 5 s
+(`search_every_s`). Three of four searches for untracked satellites prefer satellites that are above the horizon
+according to the almanac of the message (`outlook.py`). Lost satellites are searched once per second for about two
+minutes, around their last Doppler. Observables are computed at the multiples of 1/`epochs_per_s` s on the receiver's
+clock.
 
 The time of transmission becomes known in steps. The secondary code gives the time of transmission modulo 100 ms. The
-message gives the complete time after up to 30 s. Until a message of some satellite has given the time, the receiver's
-clock resolves the ambiguity of 100 ms (`time_tag_error_s`). Later, the median clock error of the satellites with a
-known time resolves the ambiguity of all other satellites. The median is close enough, because the travel times differ
-by less than 25 ms.
+message usually gives the complete time within 30 s. Until a message of some satellite has given the time, the
+receiver's clock resolves the ambiguity of 100 ms (`time_tag_error_s`). Later, the median clock error of the satellites
+with a known time resolves the ambiguity of all other satellites. The median is close enough, because the travel times
+differ by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class TrackingReceiver:
     _last_epoch: ObservationEpoch | None = None
 
     def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
-        """Yield the results of each stretch of samples, `TRACKED_STRETCH_S` long; the last stretch may be shorter.
+        """Yield the results of each stretch of `TRACKED_STRETCH_S`; a stretch before the end or a gap may be shorter.
 
         Parameters
         ----------
@@ -243,7 +244,10 @@ class TrackingReceiver:
             self.time_tag_error_s, self.time_is_told = statistics.median(errors_s), True
 
     def _zero(self, track: ChannelTrack, whole: SampleBatch) -> GalileoTime | None:
-        """Return the time of transmission of a channel's code period 0, from its message or from the clock."""
+        """Return the time of transmission of a channel's code period 0, from its message or from the clock.
+
+        The result is None if the time is unknown and no period was tracked yet.
+        """
         if track.zero is not None:
             return track.zero
         newest = track.newest()

@@ -53,9 +53,10 @@ class OsnmaEventTable(Section):
     def event(self, place: str, start: GalileoTime, duration_s: float) -> OsnmaEvent:
         """Return the OSNMA event with its times in GST, for a scenario that starts at `start`.
 
-        The function raises `InconsistentSettingsError` if a TOML key does not fit the kind of event, or the times are
-        not in order. `InconsistentSettingsError` is also raised if a time is not the start of a subframe within
-        `duration_s`. The error names the TOML key in the table `place`.
+        The function raises `InconsistentSettingsError` if a TOML key does not fit the kind of event, `in_force_s` is
+        missing although `stop_s` needs this time, or the times are not in order. `InconsistentSettingsError` is also
+        raised if a time is not the start of a subframe within `duration_s`. The error names the TOML key in the table
+        `place`.
         """
         kind = self.kind
         for key, allowed in (("in_force_s", kind.has_step_2), ("stop_s", kind.has_end)):
@@ -153,8 +154,9 @@ class OsnmaTable(Section):
     def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:
         """Return events and key of the operator in a scenario that starts at `start` and lasts for `duration_s`.
 
-        The function raises `InconsistentSettingsError` if an event does not fit into the run, begins before another
-        event ends, or needs a key that the operator does not have.
+        The function raises `InconsistentSettingsError` if an event does not fit into the run, or needs a key or an
+        alert message that the user's Merkle tree does not contain. The function also raises `InconsistentSettingsError`
+        if an event begins before another event ends; events of the kind `silence` may overlap.
         """
         events = tuple(
             table.event(f"osnma.event.{number}", start, duration_s) for number, table in enumerate(self.event)

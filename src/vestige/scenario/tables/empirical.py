@@ -1,4 +1,4 @@
-"""Define the table of a measured ionosphere, whose residuals are in a CSV file beside the scenario file."""
+"""Define the table of a measured ionosphere, whose residuals are in a CSV file."""
 
 from __future__ import annotations
 

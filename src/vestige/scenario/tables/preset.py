@@ -32,8 +32,8 @@ class Presets:
     def expand(self, table: Any) -> Any:
         """Return a table with its preset replaced by numbers; return any value without a preset unchanged.
 
-        The function raises `InconsistentSettingsError` if the preset does not exist, the elevation is outside 5 to 90°,
-        or the table has both `preset` and `elevation_deg`.
+        The function raises `InconsistentSettingsError` if the preset does not exist, the elevation is not a number from
+        5 to 90°, or the table has both `preset` and `elevation_deg`.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table

@@ -69,16 +69,18 @@ class ProcessorTable(Section):
     The bank has `n_taps` correlators around the predicted range. Further correlators lie up to `early_reach_m` before
     the predicted range. The distance between neighbouring correlators is `tap_spacing_m`.
 
-    `alarms_per_day` is the number of false alarms a day that all checks of the level together may raise. The thresholds
-    of the checks follow from this number, including the limit of the range check. The number of consecutive E6 misses
-    for an alarm also follows from this number. The detection threshold follows from `p_fa`. Without `alarms_per_day`,
-    `kappa` gives the limit of the range check, and every single miss is an alarm.
+    `alarms_per_day` is the number of false alarms a day that the checks of the level together may raise. Optional
+    checks and the user's checks raise alarms in addition. The thresholds of most checks of the level follow from this
+    number, including the limit of the range check. The number of consecutive E6 misses for an alarm also follows from
+    this number. The detection threshold follows from `p_fa`. Without `alarms_per_day`, `kappa` gives the limit of the
+    range check, and every single miss is an alarm. A miss counts only if E1 predicts a detection probability of at
+    least `min_pd`.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
-    the power of the reflections at 16° elevation, relative to the direct signal in dB. The check for a second signal
-    allows for reflections of this power. The probability of a miss on E6 also follows from this power. The values of
-    this table do not follow from the errors that a scenario gives its receiver. So a better or worse oscillator must
-    also be stated in this table.
+    the mean power of all reflections at 16° elevation, relative to the direct signal in dB. The check for a second
+    signal allows for reflections of this power. The probability of a miss on E6 also follows from this power. The
+    values of this table do not follow from the errors that a scenario gives its receiver. So a better or worse
+    oscillator must also be stated in this table.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
     of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the

@@ -43,9 +43,10 @@ class Constellation(Section):
     mask_deg
         Elevation mask in degrees.
     cn0_fall_db
-        Difference in dB between the C/N0 at the zenith, which is `receiver.cn0_dbhz`, and the C/N0 at the horizon.
+        Decrease in dB of the C/N0 from the zenith to the horizon, on E1 and E6; `receiver.cn0_e1_dbhz` and
+        `receiver.cn0_dbhz` are the C/N0 at the zenith.
     ionosphere_common
-        Share of the ionosphere's variance that all satellites have in common.
+        Share of the variance of the ionospheric error that all satellites have in common.
     svids
         SVIDs of the satellites to simulate; an empty list means all satellites of the constellation.
     """
@@ -91,7 +92,8 @@ class WalkerConstellation(Constellation):
 class RinexConstellation(Constellation):
     """Satellites of a RINEX navigation file; a relative path starts at the folder of the scenario file.
 
-    Satellites whose E1-B is out of service in the file are left out, because no receiver uses these satellites.
+    Satellites are left out if the file marks E1-B or the data of E1-B as not usable, because no receiver uses these
+    satellites. Satellites without an ephemeris within 4 h of the start are left out, too.
     """
 
     kind: Literal["rinex"]
@@ -110,7 +112,7 @@ class RinexConstellation(Constellation):
         return hashlib.sha256(repr(self._ephemerides).encode()).hexdigest()
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return the ephemeris nearest to `start` of each healthy satellite."""
+        """Return for each healthy satellite the ephemeris whose toe is nearest to `start`."""
         near = nearest_ephemerides(self._ephemerides, start).values()
         found = tuple(one for one in near if one.healthy)
         if not found:
@@ -236,15 +238,16 @@ class PositionTable(Section):
     ionosphere_sigma_m
         Standard deviation of the ionospheric residual on E1 in m at 17.5° elevation.
     ionosphere_common
-        Share of the ionospheric variance that is assumed common to all satellites in the covariance of the fix.
+        Share of the variance of the ionospheric error that the covariance of the fix assumes to be common to all
+        satellites.
     multipath_sigma_m
         Standard deviation of multipath in m at 16° elevation; the value at other elevations follows from the power of
         the reflections.
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
-        Value without effect. The false-alarm probability of RAIM follows from the false alarms a day of the level. The
-        key remains so that older scenarios and results can be read.
+        Value without effect. The false-alarm probability of RAIM follows from the number of false alarms a day that the
+        level may raise. The key remains so that older scenarios and results can be read.
     """
 
     ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
@@ -264,7 +267,7 @@ def satellites_in_view(
 
     The elevation is tested every minute, or less often in long runs.
 
-    `longest_delay_s` is the longest delay in s with which an attacker replays signals. Raises
+    `longest_delay_s` is the longest delay in s with which an attacker replays signals. The function raises
     `InconsistentSettingsError` if no satellite is in view, or the trajectory does not cover the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)

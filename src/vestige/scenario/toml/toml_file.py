@@ -43,8 +43,7 @@ class InconsistentSettingsError(SettingError):
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file as a dictionary.
 
-    The function raises `InputFileError` if the file cannot be read, is not TOML, or has too many keys or tables
-    (`parse_toml`).
+    The function raises `InputFileError` if the file cannot be read, is not TOML, or exceeds the limits of `parse_toml`.
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
@@ -58,10 +57,11 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
     A bare word is read as text, for example `fidelity=samples` or `processor.detector=my_module:MyDetector`.
 
     TOML has no null value. So the bare word `none`, which is not a TOML value, removes a key or a whole table, for
-    example `receiver.multipath=none`. A removed key gets its default, and a removed model is not simulated.
+    example `receiver.multipath=none`. A removed key gets its default, or is missing if the key has no default. A
+    removed model is not simulated.
 
-    The function raises `VestigeError` if a setting does not have the form `table.key=value`, or the key to remove does
-    not exist.
+    The function raises `VestigeError` if a setting does not have the form `table.key=value`, its value is not TOML, or
+    the key cannot be set or removed.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:
@@ -125,7 +125,8 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
     Strings and Boolean values are not converted to numbers. The tables are validated as JSON, because strict validation
     of Python values refuses a list where a model has a tuple.
 
-    Errors are an unknown key, a missing key, a value of the wrong type, and a value outside its range.
+    Errors are an unknown key, a missing key, a value of the wrong type, a value outside its range, and values that do
+    not fit together.
     """
     _check_values(raw, "", path)
     try:
@@ -138,8 +139,8 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
     """Return the first error of a validation by pydantic as an error of vestige, with position and expected value.
 
-    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because it shows the
-    misspelling.
+    A misspelt key that is required gives two errors: an unknown key and a missing key. The unknown key is reported,
+    because it shows the misspelling.
     """
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
@@ -273,7 +274,10 @@ def _longer(beginning: str, keys: Iterable[str]) -> list[str]:
 
 
 def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return an unknown top-level key of a file without `kind`, and the most similar key of all kinds of scenario."""
+    """Return an unknown top-level key of a file without `kind`, and the most similar key.
+
+    The result is None if all top-level keys are known.
+    """
     schema = adapter.json_schema()
     kinds = schema.get("discriminator", {}).get("mapping", {}).values()
     tables = [schema.get("$defs", {}).get(ref.rpartition("/")[2], {}) for ref in kinds]

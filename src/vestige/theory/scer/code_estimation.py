@@ -32,8 +32,8 @@ because the wrong chips do not correlate. The density of this noise is
 The ratio N/N0 is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who repeats only the
 in-phase part halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
-**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. For a symbol of E1-B, t is the time since
-the symbol began.
+**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. For a symbol of E1-B, t is the duration of
+the part of the symbol that the attacker has received.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
 
 
 def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimation: Estimation) -> float:
-    """Return N/N0, the noise density of an E6-C spoofing signal whose correlating part is as strong as the true signal.
+    """Return N/N0 of the noise in an E6-C spoofing signal whose correlating part is as strong as the true signal.
 
     Parameters
     ----------
@@ -128,11 +128,11 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
     reception_gain_db
         G in dB, the C/N0 of the attacker's reception over the C/N0 of the victim.
     estimation
-        Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
+        Chips that the attacker transmits: repeated, or hard or soft decisions.
 
     Examples
     --------
-    With a dish antenna of 25 dB gain, the noise of hard decisions is a fifth of a repeater's noise.
+    With G = 25 dB from a dish antenna, the noise of hard decisions is about a fifth of a repeater's noise.
 
     >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
     ['-25.0 dB', '-31.9 dB', '-33.2 dB']
@@ -147,8 +147,8 @@ def replayed_mean(
 ) -> Float[np.ndarray, " n_chips"]:
     """Return the mean of each of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
-    The attacker updates the estimate for each transmitted chip. So the estimate of chip j uses the signal that is
-    received in j chips and in the head start. Without a received signal, the mean of the estimate is 0.
+    The attacker updates the estimate for each transmitted chip. So the estimate of chip j, counted from 0, uses the
+    signal that is received in j chips and in the head start. Without a received signal, the mean of the estimate is 0.
 
     Parameters
     ----------
@@ -165,7 +165,8 @@ def replayed_mean(
 
     Examples
     --------
-    At 45 dBHz and with an antenna of 10 dB gain, the fourth chip has 83 % of the amplitude.
+    With 45 dBHz at the victim and 10 dB more at the attacker, the mean of the fourth chip is 83 % of the true
+    amplitude.
 
     >>> replayed_mean(55.0, 0.0, 4).round(2).tolist()
     [0.0, 0.57, 0.73, 0.83]

@@ -8,10 +8,10 @@ Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies the correlation by the symbol. B_u is the mean
 over n_u unpredictable symbols, and B_p is the mean over n_p predictable symbols. B_u and B_p are complex. With an
-authentic signal, B_u and B_p have the amplitude A of the signal. The front end's filter has equal effects on B_u and
-B_p. The noise of one symbol has the variance s² = A²/(2 c w) per dimension, with c = C/N0. The receiver estimates this
-variance from the real parts of the correlations, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u +
-1/n_p) the metrics are
+authentic signal, the amplitude A of the signal is the expected value of B_u and of B_p. The front end's filter has
+equal effects on B_u and B_p. The noise of one symbol has the variance s² = A²/(2 c w) per dimension, with c = C/N0. The
+receiver estimates this variance from the real parts of the correlations, with ν = n_u + n_p − 2 degrees of freedom.
+With e² = s² (1/n_u + 1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -23,8 +23,8 @@ The metric `paired` needs no predictable symbols. In this metric, d is the corre
 unpredictable symbol minus the correlation of its first part. A metric above its threshold raises an alarm. The
 thresholds of `real`, `distance` and `paired` are exact. The thresholds of `magnitudes` and `ratio` assume that A and s
 are known. The receiver estimates A from the later parts of the symbols. The estimate of s is multiplied by t/z, where t
-and z are the quantiles of Student's t and of the normal distribution. With this factor, the thresholds are exact for A
-≫ s/√n.
+and z are the quantiles of Student's t and of the normal distribution. With this factor, the thresholds are exact in the
+limit of A far above s/√n_u and s/√n_p.
 
 **The ratio of Rice variables.** Let X and Y be independent and complex Gaussian, with the means x and y and the
 variances σ² and τ² per dimension. With S = σ² + τ², the probability that |X| exceeds |Y| is [PROAKIS08, app. B]:
@@ -190,9 +190,9 @@ def replay_detection_probability(
 
     Examples
     --------
-    The tests use a subframe of 480 unpredictable symbols at 42 dBHz, with a P_fa of 1e-3. For the first value, the
-    attacker's antenna is like the victim's antenna. For the second value, the attacker has 10 dB more gain. For the
-    third value, the attacker also delays the spoofing signal by 3 µs.
+    The tests use the 480 unpredictable symbols of a subframe at 42 dBHz, with a P_fa of 1e-3. For the first value, the
+    attacker's antenna is like the victim's antenna. For the second value, the attacker's antenna has 10 dB more gain.
+    For the third value, the attacker also delays the spoofing signal by 3 µs.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'

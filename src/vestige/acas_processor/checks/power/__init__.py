@@ -1,1 +1,1 @@
-"""Check received power, noise floor, C/N0, and the strength of the encrypted signal."""
+"""Check received power, distortion, noise floor, C/N0, and presence, strength and fading of the encrypted signal."""

@@ -4,7 +4,7 @@
 
 The standard deviation of the estimator is known (`sample_processor/cn0.py`). The standard deviation of the model
 (antenna pattern, satellite power, slow fading) is larger. Noise and meaconing lower the C/N0, and an overpowered
-spoofer raises the C/N0. A matched-power spoofer leaves the C/N0 unchanged.
+spoofer raises the C/N0. A matched-power spoofer leaves the C/N0 nearly unchanged.
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ A signal belongs to one of four classes. Each class is a distribution of second 
     jammed      J/N uniform in dB
 
 `simulate` draws (ΔP, D) for one class, with the closed forms of `power_distortion.py`. No samples are needed. Smoothed
-histograms of many draws estimate the densities p(ΔP, D | class). Each cell of the map has the class of least expected
-cost. A false alarm costs `alarm_cost` times as much as a miss. A larger `alarm_cost` gives fewer false alarms and more
-misses.
+histograms of many draws estimate the densities p(ΔP, D | class). Each cell with draws has the class of least expected
+cost, and a cell without draws has the class of a neighbour. A false alarm costs `alarm_cost` times as much as a miss. A
+larger `alarm_cost` gives fewer false alarms and more misses.
 
-A map is valid for one C/N0 of the tracked satellite, because D grows with C/N0. Each map is computed once and kept in
-memory.
+A map is valid for one C/N0 of the tracked satellite, because D grows with C/N0. The 64 maps that were used last are
+kept in memory.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def simulated_decision_map(
     """Return the decision map that has the least expected cost if all four classes of signal are equally likely.
 
     A false alarm (clean or multipath classified as an attack) costs `alarm_cost`, and every other error costs 1.
-    `draws` is the number of draws for each class. Calls with equal `seed` return equal maps.
+    `draws` is the number of draws for each class. Calls with equal arguments return equal maps.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -234,7 +234,7 @@ class PowerDistortionMonitor:
         return np.array(rates)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results of the check for a block: a class for every epoch with E1 correlators."""
+        """Return the results of the check for a block: a class where power, distortion and expected C/N0 are known."""
         measured = self.measured(evidence)
         statistic = np.full(evidence.shape, np.nan)
         known = np.isfinite(measured.map_dbhz) & np.isfinite(measured.distortion) & np.isfinite(measured.rise_db)

@@ -2,14 +2,14 @@
 
 A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
 amplitude is s = √(2 C/N0 T) for the integration time T. The largest magnitude |c| in the bank, in standard deviations
-of the noise per dimension, has a Rician distribution. For a detectable signal the distribution is nearly normal about
-√(s² + 1):
+of the noise per dimension, has approximately a Rician distribution. For a detectable signal the distribution is nearly
+normal about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
 σ_model covers fading by reflections, the loss between two taps (at most 1.2 dB for taps 15 m apart), and differences of
-antennas and satellites. Most of the standard deviation comes from σ_model. The errors that σ_model covers are not
-always present, so `p_fa` is an upper limit.
+antennas and satellites. With the default of 1.5 dB, σ_model adds more to the standard deviation than noise adds if s is
+above 5.3. The errors that σ_model covers are not always present, so `p_fa` is an upper limit.
 """
 
 from __future__ import annotations

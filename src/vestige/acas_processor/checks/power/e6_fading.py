@@ -3,11 +3,11 @@
 Theory of operation
 -------------------
 The phase of a second signal of relative amplitude a changes relative to the phase of the true signal. The second signal
-therefore increases the magnitude of the correlator in some RECS and reduces the magnitude in other RECS. The variance
-of these changes is a²/2 relative to the power of the true signal. The magnitude m of the detecting correlator is in
-standard deviations of the noise per dimension, and its mean is m̄. The statistic is √(T/(N − 2)). T is the scatter of m
-about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). Without reflections
-the variance of m is
+therefore increases the magnitude of the correlator in some RECS and reduces the magnitude in other RECS. For small a,
+the variance of these changes is about a²/2 relative to the power of the true signal. The magnitude m of the detecting
+correlator is in standard deviations of the noise per dimension, and its mean is m̄. The statistic is √(T/(N − 2)). T is
+the scatter of m about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`).
+Without reflections the variance of m is
 
     σ² = 1 + (ρ m̄)²
 
@@ -98,5 +98,5 @@ class E6FadingMonitor(Monitor):
         return series_of(self, statistic, threshold, explain)
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return the last N − 1 RECS of each satellite."""
+        """Return at most the last N − 1 detected RECS of each satellite that is still tracked on E1."""
         return remembered_recs(evidence, self.window - 1)

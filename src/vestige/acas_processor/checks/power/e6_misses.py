@@ -1,14 +1,14 @@
 """Check for runs of missed E6 signals, with a chosen number of false alarms a day [WFO, Sec. IV-A, step 1].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
-several times a day. A check with fewer false alarms therefore needs several misses in a row. The number of these misses
-follows from C/N0.
+several times a day. A check with fewer false alarms therefore needs several misses of a weak satellite in a row. The
+required number of misses follows from C/N0.
 
 Theory of operation
 -------------------
 The C/N0 on E1 predicts the probability q_k that RECS k of a satellite is missed without an attack. The probability q_k
-is averaged over fading by multipath with the configured power (`theory/fading.py`). Misses of different RECS are
-independent, so a run of misses has the probability ∏ q_k. The check fails where
+is averaged over fading by multipath with the configured power (`theory/fading.py`). If misses of different RECS are
+independent, a run of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
 
@@ -18,12 +18,12 @@ test is below p_fa at any C/N0. With a constant q the check fails after M misses
 
     M = ⌈ln p_fa / ln q⌉
 
-For p_fa = 2·10⁻⁵, RECS of 16 ms and multipath of −15.8 dB, M is 1 at 38 dBHz, 2 at 35 dBHz, 4 at 33 dBHz, and 5 at 32
-dBHz. A rule "M misses in N RECS" with N > M needs a larger M for an equal p_fa. A rule of this kind detects a missing
-signal later.
+For p_fa = 2·10⁻⁵, RECS of 16 ms, multipath of −15.8 dB and `detection_p_fa` = 10⁻⁷, M is 1 at 38 dBHz, 2 at 35 dBHz, 4
+at 33 dBHz, and 5 at 32 dBHz. A rule "M misses in N RECS" with N > M needs a larger M for an equal p_fa. A rule of this
+kind detects a missing signal later.
 
-Misses are not independent if multipath does not change from one RECS to the next, or if satellites are weaker on E6
-than E1 predicts. The configured `e6_over_e1_db` must therefore be right.
+Misses are not independent if multipath does not change from one RECS to the next. If satellites are weaker on E6 than
+E1 predicts, q_k is too small. The configured `e6_over_e1_db` must therefore be right.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class MissPrediction:
 class E6MissesCheck(Monitor):
     """Check whether RECS are missed so often in a row that the misses are less probable than `p_fa` without an attack.
 
-    The statistic is −log₁₀ of the probability of the misses in a row, and 0 after a detection. The check is not run
-    while the misses in a row are more probable than `p_fa`.
+    The statistic is −log₁₀ of the probability of the misses in a row, and 0 at a detected RECS. At a missed RECS, the
+    check is not run if the misses in a row are more probable than `p_fa`, or if this miss does not count.
     """
 
     name: ClassVar = CheckName.E6_POWER

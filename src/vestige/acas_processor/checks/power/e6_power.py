@@ -1,10 +1,11 @@
 """Check whether the encrypted signal is found where E1 predicts this signal [WFO, Sec. IV-A, step 1].
 
 The check looks for significant E6 correlation power around the delay that E1 predicts. The detection threshold follows
-the post-correlation noise of a code that is not in the signal. So a higher power does not help an attacker.
+the post-correlation noise of a code that is not in the signal. So a signal without this satellite's encrypted code does
+not exceed the threshold by its higher power alone.
 
-A missing E6 signal is an alarm, unless the C/N0 on E1 predicts frequent misses. If no signal is detected and the
-predicted probability of detection is below `min_pd`, the check is not run.
+A missing E6 signal is an alarm, unless the C/N0 on E1 predicts frequent misses. If no signal is detected, and the
+predicted probability of detection is unknown or below `min_pd`, the check is not run.
 """
 
 from __future__ import annotations

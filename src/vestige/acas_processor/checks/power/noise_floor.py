@@ -1,8 +1,9 @@
 """Compare the E6 noise floor, measured with codes that are not in the signal, with its usual value [WFO, Sec. IV-A].
 
-The detection threshold follows the measured noise floor, so a higher floor causes misses but no false detections. A
-rise of the floor explains a miss. The cause of a rise is noise on E6, or the self-noise of a strong random code from a
-spoofer. The mean power over all codes of N_c chips that are not in the signal has the standard deviation 4.343/√N_c dB:
+The detection threshold follows the measured noise floor, so a higher floor causes misses but no additional false
+detections. A rise of the floor may explain a miss. The cause of a rise is noise on E6, or the self-noise of a strong
+random code from a spoofer. The mean power over all codes of N_c chips that are not in the signal has the standard
+deviation 4.343/√N_c dB:
 
     ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
 

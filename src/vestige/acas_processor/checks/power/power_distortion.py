@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A second signal of relative power η, offset Δτ and phase Δθ distorts the correlation function of the tracked signal and
-adds power:
+A second signal of relative power η, offset Δτ and phase Δθ distorts the correlation function ξ of the tracked signal
+and adds power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
                                  without interference
@@ -15,8 +15,8 @@ R is the autocorrelation of the replica:
     no second signal    D² / v ~ χ²(2),   v = 2 (1 − R(2τ_d))      so  D ≤ √(−2 v ln P_fa)
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
 
-The gain control keeps the total power constant, so the measured D is smaller by the factor 10^(ΔP/20). A jammer
-therefore makes ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes ΔP and D large.
+The gain control keeps the total power constant, so the measured D is smaller by the factor 10^(ΔP/20). A jammer makes
+ΔP large and leaves D small. Multipath makes D large and leaves ΔP small. A spoofer makes ΔP and D large.
 `simulated_decision_map` divides the (ΔP, D) plane into regions.
 """
 
@@ -39,7 +39,7 @@ def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float
 def mean_distortion(
     offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
 ) -> Float[np.ndarray, "*n"]:
-    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, which is D/s for a second signal with the amplitude of the tracked signal."""
+    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, which is D/s without noise for a second signal of equal amplitude."""
     early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
     late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
     return np.reshape(np.abs(early - late), np.shape(offset_chips))

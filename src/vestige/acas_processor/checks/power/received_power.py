@@ -9,8 +9,8 @@ and gain (σ_system) are larger, and determine the threshold:
 A gain control keeps the power at its output constant. So a receiver that reports only the gain also reports the power:
 ΔP = −Δgain.
 
-The power of the satellites lies below the noise. A spoofer adds η times the power of the satellites, so the rise of the
-received power is large only in a narrow band.
+The power of the satellites lies below the noise. A spoofer adds η times the power of the satellites, so the received
+power rises more in a narrower band around the signals.
 """
 
 from __future__ import annotations

@@ -98,8 +98,9 @@ def e1(
 ) -> None:
     """List every signal of every satellite on E1 at the start of RECORDING.
 
-    The first 100 ms are searched, and each signal is measured in these samples. If samples are missing, only the longer
-    part before or after the gap is used. All values refer to the time of the first sample in use.
+    At most the first 100 ms are searched, and each signal is measured in these samples. The values of a signal that
+    cannot be measured come from the search, and are marked "rough". If samples are missing, only the longest part
+    without a gap is used. All values refer to the time of the first sample in use.
     """
     from vestige.cli.progress import progress
     from vestige.cli.recordings.searches.search_report import e1_json, e1_lines
@@ -152,7 +153,10 @@ def e1(
 @_plot
 @json_option
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
-    """Search E6 at the arrival times of the RECS that E1 predicts; the earliest signal found is the true signal."""
+    """Search E6 at the arrival times that E1 predicts for the RECS.
+
+    The earliest signal found is the true signal, if this signal was received before anybody could know the key.
+    """
     from vestige.acas_processor.searches.handover import assisted_delay_m
     from vestige.acas_processor.searches.vestigial import (
         decide_vestigial,

@@ -48,7 +48,10 @@ def reader_of(recording: Recording, band: Any) -> SampleReader:
 def decrypted_recs(
     recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float, mode: CipherMode
 ) -> tuple[list[ChipSequence], Assistance]:
-    """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
+    """Return the decrypted RECS of `svids` that may be in the samples, in order of transmission, and the assistance.
+
+    The function raises `VestigeError` if there are no such RECS with a validated key.
+    """
     from vestige.crypto.recs.recs_segment import decrypt
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.snapshots import time_span

@@ -34,7 +34,7 @@ class Answer:
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:
-    """Print the cost and the engine of a long search before the search starts."""
+    """Print the cost and the engine of an exhaustive search before the search starts."""
     from vestige.sample_processor.search.speed import expected_seconds
 
     lines = (
@@ -68,9 +68,9 @@ def follow_search(
     each: Callable[[GalileoTime, float], None],
     keep: Callable[[SearchState], None],
 ) -> tuple[tuple[Peak, ...], GalileoTime | None]:
-    """Follow a search to its end, and return the peaks, and the start of the samples that were not searched.
+    """Follow a search to its end, and return the peaks, and the time from which on not all samples were searched.
 
-    The start is None if all samples were searched. Each peak is printed at once. The rate and the remaining time of the
+    The time is None if all samples were searched. Each peak is printed at once. The rate and the remaining time of the
     search are printed with each peak, and at intervals of `REPORT_EVERY_S`.
 
     `before` is the last state of an earlier run. `each` is called with the first arrival time and the largest magnitude
@@ -112,7 +112,7 @@ def follow_search(
 def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: GalileoTime | None = None) -> None:
     """Print the result for each RECS.
 
-    After an interruption, `unsearched` is the start of the samples that were not searched.
+    After an interruption, `unsearched` is the time from which on not all samples were searched.
     """
     if as_json:
         results = [
@@ -171,7 +171,8 @@ def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
 def e1_lines(found: E1Signals) -> Iterator[str]:
     """Yield the lines that `vestige search e1` prints.
 
-    The first line has the time to which the values refer. Each further line describes a signal.
+    The first line has the time to which the values refer. Each further line describes a signal. Without a signal, a
+    single line says that no signal was found.
     """
     if not found.signals:
         yield "no signal found"

@@ -1,4 +1,4 @@
-"""Define the parameters of a TESLA chain that a DSM-KROOT states: hash and MAC functions, key and tag sizes.
+"""Define the parameters of a TESLA chain that a DSM-KROOT states, such as hash and MAC functions, key and tag sizes.
 
 The tables of [OSNMA-ICD, DSM-KROOT] define the meaning of each code. A code that is not in its table is reserved, and
 raises an `UnsupportedError`. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
@@ -56,7 +56,8 @@ class ChainParameters:
     """Parameters of a TESLA chain, as codes of the DSM-KROOT.
 
     The constructor raises `UnsupportedError` if the code of a function, key length or tag length is reserved, or if
-    CMAC-AES is combined with a key length that AES does not have.
+    CMAC-AES is combined with a key length that AES does not have. The constructor raises `ValueError` if `alpha` does
+    not have 6 bytes.
     """
 
     hash_function: int = 0  # HF, code of the hash function [OSNMA-ICD, DSM-KROOT]

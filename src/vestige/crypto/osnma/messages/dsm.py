@@ -1,4 +1,6 @@
-"""Parse the digital signature messages (DSM) of OSNMA, which contain a root key, a public key or an alert notice.
+"""Parse DSM-KROOTs, and find out how many blocks a digital signature message (DSM) of OSNMA has.
+
+A DSM contains a root key (DSM-KROOT), or a public key or an alert notice (DSM-PKR).
 
 The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`, with lengths in bits. A DSM is 7
 to 16 blocks long. The satellites send different blocks at the same time, so a receiver with many satellites in view can
@@ -7,7 +9,7 @@ complete a DSM within a minute.
 A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 | TOWH 8
 | alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 bits
 (P-521). The signature covers the NMA header and all fields from CIDKR to KROOT. Parsing does not verify the signature.
-Only `root_key.verify_root_key` returns a key that may be used.
+Only a `root_key.RootKey` may be used, because its construction verifies the signature.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class NmaHeader:
 
     @property
     def usable(self) -> bool:
-        """Whether keys and tags may be used, if the header is signed."""
+        """Whether a signed header with this value allows the use of keys and tags."""
         return self.status in (TEST, OPERATIONAL) and self.key_status != ALERT
 
     @property
@@ -148,8 +150,8 @@ def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
 def parse_kroot(message: bytes) -> DsmKroot:
     """Check the format of a DSM-KROOT, and return its fields; the signature is not verified.
 
-    The function raises `AuthenticationError` if the fields contradict each other. The function raises
-    `UnsupportedError` if a field has a reserved value.
+    The function raises `AuthenticationError` if the length of the message does not fit its fields, or if TOWH is not an
+    hour of the week. The function raises `UnsupportedError` if NB is reserved, or if `ChainParameters` refuses a code.
     """
     if not message:
         raise AuthenticationError("DSM-KROOT: empty")

@@ -5,7 +5,7 @@ full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag,
 covers. `S` means the sending satellite, and `E` means any Galileo satellite. In a flexible slot (`FLX`) the tag itself
 gives kind and satellite, which MACSEQ protects.
 
-Rows 33 and 34 are verified on real data. All rows except rows 33 and 34 are only copied from the table.
+Rows 33 and 34 are verified on real data. The other rows are copied from the table, and are not verified on real data.
 """
 
 from __future__ import annotations

@@ -4,10 +4,11 @@ A tag in subframe s covers data that was sent up to the end of subframe s-1. ADK
 status (words 1 to 5, 549 bits). ADKD 4 covers the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
 
 This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1. The satellite must still be
-received in subframe s-1. Words 1 to 4 must have the same IODnav. A tag is not counted if its data are not available.
-Word 5 and the timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's
-cut-off point shows outdated words (see `tags`). When a word without IOD changes, a tag does not show whether it covers
-the old or the new data. In the subframe after the change, the new data and then the old data are candidates.
+received in subframe s-1. Words 1 to 4 must have the same IODnav. The bits of a tag are not checked if its data are not
+available. Word 5 and the timing words carry no IOD, so the latest received words may be outdated after lost pages. The
+tag's cut-off point shows whether the received words may be outdated (see `tags`). When a word without IOD changes, a
+tag does not show whether it covers the old or the new data. In the subframe after the change, the new data and then the
+old data are candidates.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Verify the root key of a chain, which extends the trust in a public key to TESLA keys."""
+"""Verify the root key of a TESLA chain, so that the trust in a public key extends to the keys of the chain."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ class RootKey:
 
     The checks are repeated when a pickled root key is read.
 
-    The constructor raises `AuthenticationError` if signature, padding or time are wrong. The constructor raises
-    `TypeError` if an attribute is not exactly of its declared type, because a subclass could skip the verification.
+    The constructor raises `AuthenticationError` if the DSM-KROOT is malformed, or if signature, padding or time are
+    wrong. The constructor raises `TypeError` if an attribute is not exactly of its declared type, because a subclass
+    could skip the verification.
     """
 
     kroot: DsmKroot
@@ -79,8 +80,9 @@ class RootKey:
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
     """Verify signature and padding of a DSM-KROOT, and return the verified root key [OSNMA-ICD, 6.3].
 
-    The function raises `AuthenticationError` if signature or padding are wrong. The function raises `VestigeError` if
-    the signing public key is not among the given keys.
+    The function raises `AuthenticationError` if the DSM-KROOT is malformed, or if signature or padding are wrong. The
+    function raises `VestigeError` if `public_keys` contains neither a key with the PKID of the DSM-KROOT nor a key
+    without PKID.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class SatelliteSubframe:
 
     @property
     def hkroot_if_sent(self) -> bytes | None:
-        """The HKROOT message of a subframe whose last field is zero; None for any other subframe, or if a page is lost.
+        """The HKROOT message if only the last field is zero; None for any other subframe, or if a page is lost.
 
         The last page may contain only padding of the MACK message, so a zero field may have been sent.
         """
@@ -106,7 +106,7 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """The pages that all satellites sent in one subframe."""
+    """The received pages of all satellites in one subframe."""
 
     time: GalileoTime  # start of the subframe (GST_SF)
     satellites: Mapping[int, SatelliteSubframe]  # subframe of each satellite by SVID

@@ -6,8 +6,8 @@ slow MAC (ADKD 12), whose key is disclosed eleven subframes later. A tag covers 
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
-MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | 16 bits of each flexible slot. The
-cut-off point COP counts the subframes over which the data of a tag has not changed. A COP of 0 marks a dummy tag.
+MACSEQ covers PRN_A 8 | GST_SF 32 | 16 bits (PRN_D, ADKD and COP) of each flexible slot. The cut-off point COP counts
+the subframes over which the data of a tag has not changed. A COP of 0 marks a dummy tag.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Mack:
 
 
 def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack | None:
-    """Return tags and MACSEQ of a subframe; None if a page with tags, or the page with the NMA header, is lost."""
+    """Return tags and MACSEQ of a subframe; None if a page with tags is lost or contains no OSNMA."""
     header = subframe.nma_header
     length = parameters.tag_bits
     step = length + TAG_INFO_BITS
@@ -97,8 +97,7 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
     """Return the MACSEQ field, 12 bits, which covers the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
-    `slots` are the slots of the message's subframe, from `mac_lookup.slots`. `key` is the chain's key of the next
-    subframe.
+    `slots` are the slots of the message's subframe, from `mac_lookup.slots`. `key` is the key of the next subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)
@@ -108,7 +107,7 @@ def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: Chain
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
     """Return the bits of the tag that authenticates navigation data.
 
-    `key` is the chain's key that is disclosed `tag.key_delay_s` seconds after the tag.
+    `key` is the key of the subframe that starts `tag.key_delay_s` seconds after the subframe of the tag.
     """
     head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
     if tag.counter > 1:

@@ -1,16 +1,17 @@
 """Validate TESLA keys along a chain in which each key is the hash of the next key.
 
 Because of the hashes, an old key of a chain can validate a new key. The operator draws the last key of a chain, and
-hashes the last key down to the first key. The first key is the root key, which is signed. The operator discloses the
-keys in the reverse order, one key every 30 s::
+hashes the last key down to the first key. The first key is a root key, which is signed. The operator may also sign
+later keys of the chain as root keys. The operator discloses the keys in the reverse order, one key every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
 The length of a key is l_k bits, and alpha is the random pattern of the chain. GST_SF,m is the start of the subframe in
-which K_m is sent. The week modulo 4096 has 12 bits, and the second has 20 bits. A receiver with a true key can check
-every later key by hashing the later key down, and can compute every earlier key. An undisclosed key cannot be guessed.
+which K_m is sent. GST_SF,m has 12 bits for the week modulo 4096, and 20 bits for the second of the week. A receiver
+with a true key can check every later key by hashing the later key down, and can compute every earlier key. An
+undisclosed key cannot be guessed.
 
-The type of a key shows whether the key may be used. A `Key` is only received. A `ValidatedKey` leads to a signed root
+The type of a key shows whether the key may be used. A `Key` is not validated. A `ValidatedKey` leads to a signed root
 key, and only `validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling
 validates the key again. A chain stores its validated keys, so the validation of N consecutive keys needs about N
 hashes.
@@ -36,7 +37,7 @@ MAX_STEPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A received key that is not validated."""
+    """A TESLA key that is not validated, such as a received key."""
 
     time: GalileoTime  # start of the subframe in which the key was sent
     data: bytes
@@ -103,11 +104,12 @@ class Chain:
         """Check that a key belongs to the chain at its time, and store the key.
 
         A key after all known keys is hashed down to the newest known key. An earlier key, even from before the root
-        key, must follow from the next known key.
+        key, must equal the known key of its time or follow from the next later known key.
 
-        The function raises `AuthenticationError` if the key does not belong to the chain, or its time or length is
-        wrong. The function raises `TypeError` if the time is not a `GalileoTime` of whole numbers, or the data is not
-        `bytes`. Objects of other types may change later.
+        The function raises `AuthenticationError` if the key does not belong to the chain, if its time or length is
+        wrong, or if more than `MAX_STEPS` hashes are needed. The function raises `TypeError` if `key` is not a `Key`,
+        its time is not a `GalileoTime` of whole numbers, or its data is not `bytes`. Objects of other types may change
+        later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -246,7 +248,7 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
     The chain stores the validated key.
 
-    The function raises `AuthenticationError` if the key does not belong to the chain. The function raises `TypeError`
+    The function raises `AuthenticationError` if `Chain.check` does not accept the key. The function raises `TypeError`
     if key, chain, or the key's time or data has a type that can change later.
     """
     return _KeyOfChain(key, chain)

@@ -17,7 +17,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorConfiguration:
-    """Settings of an `OsnmaOperator`; two operators with equal settings make equal bits.
+    """Settings of an `OsnmaOperator`; operators with equal settings make equal bits for equal navigation words.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ class OperatorConfiguration:
         PKID 1 to 15 of the key that signs at the start. Each renewal and each revocation of a public key uses the next
         PKID. A renewal or revocation of a chain keeps the PKID.
     own_key
-        Private key on P-256 for `pkid`. If None, the key follows from the seed.
+        Private key on P-256 for `pkid`, not used if `tree` is given. If `own_key` and `tree` are None, the key follows
+        from the seed.
     tree
         Merkle tree and private keys of the operator. If None, tree and keys follow from the seed, `own_key` and
         `notice`.
@@ -51,9 +52,10 @@ class OperatorConfiguration:
     Raises
     ------
     UnsupportedError
-        If a code is reserved, or the MAC look-up table has no row `mac_lookup` with the number of tags.
+        If `ChainParameters` refuses a code, or the MAC look-up table has no row `mac_lookup` with the number of tags.
     VestigeError
-        If another setting has an invalid value.
+        If `pkid`, `chain_id`, `nma_status`, `n_subframes`, `start` or the length of `alpha` is invalid, or if an event
+        begins before `start`.
 
     Examples
     --------

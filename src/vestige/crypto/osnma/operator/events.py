@@ -38,12 +38,12 @@ class OsnmaEventKind(Enum):
 
     @property
     def has_step_2(self) -> bool:
-        """Whether the event has step 2, in which a new chain or key comes into force."""
+        """Whether an event of this kind has step 2, in which a new chain or key comes into force."""
         return self not in (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
 
     @property
     def has_end(self) -> bool:
-        """Whether the event has the last step `ended`."""
+        """Whether an event of this kind has the last step `ended`."""
         return self is not OsnmaEventKind.CHAIN_RENEWAL
 
 
@@ -62,14 +62,17 @@ class OsnmaEvent:
         step 2.
     ended
         Time from which the status is nominal again, or OSNMA is on air again after a silence. After an alert, OSNMA is
-        silent from this time on. None if the event does not end.
+        silent from this time on. None if the event does not end, and for a chain renewal, which is over from `in_force`
+        on.
     svids
         Satellites without OSNMA, for the kind silence only. None means all satellites.
 
     Raises
     ------
     VestigeError
-        If a time is not the start of a subframe, the times are not in order, or a field does not belong to the kind.
+        If a time is not the start of a subframe, the times do not increase, or a field does not belong to the kind.
+        Also if `ended` is given without the `in_force` that the kind needs, or if `svids` is empty or contains a number
+        outside 1 to 36.
 
     Examples
     --------
@@ -155,9 +158,10 @@ def _in_order(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
 def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> bool:
     """Return whether a receiver must not, or cannot ever, use the TESLA key of the subframe of `time`.
 
-    A receiver uses no key of a revoked chain, and no key while the status is "don't use". After "don't use" the
-    receiver waits for a root key of a later hour. After an alert the receiver uses no key any more. A key that is not
-    sent during a silence follows from the keys after the silence.
+    After a revocation, a receiver uses no key of the revoked chain. A receiver uses no key while the status is "don't
+    use". After "don't use" the receiver waits for a root key of an hour that begins after the announcement. After an
+    alert the receiver uses no key any more. A key that is not sent during a silence follows from the keys after the
+    silence.
 
     Parameters
     ----------

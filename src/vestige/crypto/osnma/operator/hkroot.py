@@ -1,9 +1,9 @@
 """Make the HKROOT message of one satellite and subframe, and choose its DSM block.
 
 The satellites send different blocks of a DSM at the same time, so a receiver with many satellites soon completes the
-DSM. The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The
-offset is the SVID, as in the official test vectors. Several DSMs are sent in turn. Each DSM stays on air for as many
-subframes as it has blocks. So a receiver with a single satellite also gets all blocks of all DSMs.
+DSM. The block index is the number of the subframe since the start of GST, plus an offset of the satellite, modulo the
+number of blocks. The offset is the SVID, as in the official test vectors. Several DSMs are sent in turn. Each DSM stays
+on air for as many subframes as it has blocks. So a receiver with a single satellite also gets all blocks of all DSMs.
 """
 
 from __future__ import annotations

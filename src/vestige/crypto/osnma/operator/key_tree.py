@@ -119,7 +119,7 @@ def read_private_key(path: Path) -> ec.EllipticCurvePrivateKey:
     Raises
     ------
     InputFileError
-        If the file is not a PEM private key without a password.
+        If the file cannot be read, is longer than 100 kB, or is not a PEM private key without a password.
     UnsupportedError
         If the key is not on P-256.
     """

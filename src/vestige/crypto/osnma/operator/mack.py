@@ -1,6 +1,7 @@
 """Make the MACK message of one satellite and subframe: tags, MACSEQ, and the disclosed key.
 
-`encode_mack` is the inverse of `messages.tags.parse_mack`, and returns the bits of a message from its tags and MACSEQ.
+`encode_mack` is the inverse of `messages.tags.parse_mack`, and returns the bits of a message from its tags, MACSEQ and
+key.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The operator signs root keys with a P-256 key that belongs to a leaf of its Merkle tree. The satellites broadcast the
 root keys in blocks (`hkroot`). The operator makes tags for words that were sent up to the previous subframe
 (`tag_plan`, `mack`), with keys that it discloses later. The operator also carries out a table of events (`timeline`). A
-receiver with this Merkle tree treats the signal like the real signal.
+receiver with this Merkle tree and its public keys verifies the simulated OSNMA like real OSNMA.
 
 The key of a tag is the key that is on air one or eleven subframes after the tag. Shortly before a change of chains,
 this key may belong to the next chain.
@@ -54,7 +54,7 @@ class OsnmaOperator:
     Raises
     ------
     VestigeError
-        If events overlap, or need a key that does not exist.
+        If events overlap or need a key that does not exist, or if a needed `own_key` or `notice` is invalid.
 
     Examples
     --------
@@ -125,8 +125,8 @@ class OsnmaOperator:
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of all broadcast subframes, each validated down to its signed root key.
 
-        A receiver of the broadcast can decrypt RECS that were encrypted under the returned keys, except keys that an
-        event withholds (`events.key_withheld`).
+        A receiver of the broadcast can use the returned keys to decrypt RECS, except keys that an event withholds
+        (`events.key_withheld`).
         """
         return self._validated
 
@@ -153,7 +153,8 @@ class OsnmaOperator:
         Raises
         ------
         VestigeError
-            If the time is not the start of the next subframe, or a word does not have the type under which it is given.
+            If the time is not the start of the next subframe, the broadcast is over, or a word does not have the type
+            under which it is given.
         """
         self._check_next(time)
         for svid, sent in words.items():

@@ -101,7 +101,8 @@ class OsnmaService:
     def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
         """Return the operator before its first subframe; `OperatorConfiguration` describes the arguments.
 
-        The function raises `VestigeError` if events overlap, or need a key that does not exist.
+        The function raises `VestigeError` if an argument is invalid, or if events overlap, begin before `start`, or
+        need a key that does not exist.
         """
         own = self.key
         return OsnmaOperator(

@@ -1,4 +1,4 @@
-"""Draw all secrets of an operator from one seed, so that a run can be repeated bit for bit."""
+"""Draw secrets of an operator from one seed, so that a run can be repeated bit for bit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
     Raises
     ------
     ValueError
-        If more than 32 bytes are requested.
+        If `n_bytes` is outside 0 to 32.
 
     Examples
     --------

@@ -26,7 +26,7 @@ SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3
 
 @dataclass(slots=True)
 class NavigationHistory:
-    """The navigation words on air, and the number of subframes since the last change of the data that tags cover.
+    """The navigation words on air, and the number of consecutive subframes in which the tagged data did not change.
 
     Subframes are added in the order of time.
     """
@@ -64,7 +64,7 @@ class NavigationHistory:
         return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
 
     def cut_off(self, svid: int, adkd: int) -> int:
-        """Return COP, the number of subframes since the last change of the data (at most 15); 0 without data."""
+        """Return COP, the number of consecutive subframes without a change of the data (at most 15); 0 without data."""
         kind = ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd
         return min(self._unchanged.get((svid, kind), (0, 0))[1], MAX_CUT_OFF)
 
@@ -78,9 +78,9 @@ def plan_tags(
 ) -> tuple[TagContent, ...]:
     """Return the contents of the tags of one satellite and subframe [OSNMA-ICD, Annex C].
 
-    Slots for any satellite and flexible slots use the other satellites (neighbours) in turn. Without neighbours, all
-    slots are for the sending satellite. Flexible slots carry ADKD 0, as on air. A tag whose data was not sent is a
-    dummy.
+    Slots for any satellite and flexible slots use in turn the other satellites that have ephemeris data (neighbours).
+    Without neighbours, all slots are for the sending satellite. Flexible slots carry ADKD 0, as on air. A tag is a
+    dummy if `NavigationHistory.data` returns None for its data.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     dict or None
         Word type 1 to 4 -> word of 128 bits. Given words 1 to 4 stay unchanged. The result is None if there are too few
         words, or if the words are detectably of several issues. A parity word has only two bits of IODnav, so
-        words that are hours apart must not be mixed.
+        all words must have been received within a few minutes.
 
     Examples
     --------

@@ -31,8 +31,8 @@ def decode_terminated(soft, signs, bits):
     signs
         Symbols (±1) of a 7-bit register, float32 [128, 2]. The register has the new bit, then the six previous bits.
     bits
-        Output array for the decoded bits, uint8 [block, n]. The function fills the array with the path of largest
-        correlation.
+        Output array for the decoded bits, uint8 [block, n]. The function fills the array with the bits
+        whose symbols have the largest correlation with `soft`.
     """
     n = bits.shape[1]
     back = np.empty((n, STATES), np.uint8)

@@ -67,7 +67,7 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     Raises
     ------
     EngineUnavailableError
-        If this machine cannot run the named engine.
+        If this machine cannot run the named engine, or if the GPU has too little memory for the chosen engine.
     """
     choice = choose_engine(name)
     _log.info("engine of the exhaustive search: %s", choice)

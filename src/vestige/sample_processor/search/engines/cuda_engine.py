@@ -6,8 +6,8 @@ inverse FFT gives the correlations. Then the largest power over the bins is foun
 is copied from the GPU: 4 bytes for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin
 becomes a shift.
 
-Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
-computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has
+Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call can
+compute while another call sends or receives. `Device` has all operations that need the GPU, and this file has
 operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests use a device for numpy, so that no
 GPU is needed.
 """
@@ -104,7 +104,7 @@ class CudaEngine:
     Raises
     ------
     EngineUnavailableError
-        If CuPy or a GPU is missing, or the GPU has too little memory.
+        If CuPy or a GPU that CuPy can use is missing, or the GPU has too little memory.
     """
 
     uses_cores = False
@@ -195,7 +195,7 @@ def checked_gpu() -> str:
     Raises
     ------
     EngineUnavailableError
-        If CuPy or a GPU is missing, or if the GPU fails or computes other powers.
+        If CuPy or a GPU that CuPy can use is missing, or if the GPU fails or computes other powers.
     """
     device = cuda_device()
     rng = np.random.default_rng(1)

@@ -1,9 +1,9 @@
-"""Define the interface of the engines of the exhaustive search, which select code offsets for an exact computation.
+"""Define the interface of the engines that compute the powers of the exhaustive search.
 
 An engine gets samples that are summed into chips. The engine returns, for every code offset, the largest power over the
-Doppler bins. The power may be too low by up to `loss_db`. Offsets near or above the threshold are computed again
-exactly (`exact_cell`), and only the exact value decides. So the precision of an engine does not change the values of a
-found signal.
+Doppler bins. The power of a tested cell may be too low by up to `loss_db`. The search computes exact values
+(`exact_cell`) at offsets with a power near or above the threshold, and only an exact value decides. So the values of a
+found signal do not contain the errors of an engine.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class Grid:
     segment_chips
         Number M of chips in a segment; the carrier is not removed within a segment.
     stride
-        Step between the bins that are used; the bins are 1/(256 M) of the chip rate apart.
+        Step between the bins that are used, counted in bins; neighbouring bins are 1/(256 M) of the chip rate apart.
     split
         Number of groups of segments that are joined coherently, which is also the number of sub-bins of a bin.
     reach
-        Number of bins on each side of the middle bin.
+        Number of bins on each side of the middle bin, before bins are split or left out.
     half_width_hz
-        Largest distance of a Doppler from the middle. At this distance a replica with the code Doppler of the middle
-        loses at most 0.24 dB. A wider span needs several passes, each with its own middle.
+        Largest distance of a Doppler from the middle of its pass, in Hz. At this distance a replica with the code
+        Doppler of the middle loses at most 0.24 dB. A wider span needs several passes, each with its own middle.
     """
 
     segment_chips: int
@@ -106,8 +106,8 @@ class Engine(Protocol):
             the length of the codes.
         threshold
             Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero for
-            an offset without a cell above the threshold. The documentation of the engine states how many detections
-            are lost at most.
+            an offset whose cells are probably below the threshold. The share of lost detections is computed in
+            `theory/screen_loss.py`.
         """
         ...
 

@@ -17,7 +17,7 @@ _TOGETHER = 4  # number of transforms at once: scipy computes 4 transforms in th
 
 
 class FftEngine:
-    """Engine that computes powers of codes of equal length by FFT; the docstring of the module explains the method.
+    """Engine that computes the powers of a search by FFT; all codes have equal length. The module explains the method.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class FftEngine:
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _raise_to_power(y, out):  # type: ignore[no-untyped-def]
-    """Replace each element of `out` by the power of a complex number in `y` (interleaved) if the power is larger."""
+    """Replace each element of `out` by the power of its complex number in `y` (interleaved) if the power is larger."""
     for i in range(out.size):
         power = y[2 * i] * y[2 * i] + y[2 * i + 1] * y[2 * i + 1]
         out[i] = power if power > out[i] else out[i]

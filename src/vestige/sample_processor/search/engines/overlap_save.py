@@ -2,9 +2,9 @@
 
 A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
 against the spectrum of the samples, in steps of the chip rate over `length`. Every bin is rounded to the nearest step.
-The first length − chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and
-are not used. On a processor a length of about 6.4 times the length of the code is the fastest. A length of twice the
-code, which is usual, takes a third more time.
+For a code of n chips, the first `length` − n + 1 numbers of an inverse transform are correlator values. The other
+numbers wrap around and are not used. On a processor a length of about 6.4 times the length of the code is the fastest.
+A length of twice the code, which is usual, takes a third more time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class OverlapSave:
     shifts
         Shifts of the code's spectrum in steps of the chip rate over `length`, one for each Doppler bin.
     loss_db
-        Largest loss of the power of a cell in dB against its exact value, because its bin is rounded to a shift.
+        Largest loss in dB of the power of a cell against its exact value, by the rounding of its bin to a shift.
     """
 
     length: int

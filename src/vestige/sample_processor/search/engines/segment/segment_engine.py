@@ -57,7 +57,8 @@ class SegmentEngine:
     Attributes
     ----------
     sum_limit
-        Limit of a segment's sum in the screen, in units of the chips; larger sums are set to the limit.
+        Largest magnitude of the real and of the imaginary part of a segment's sum in the screen, in units of the chips.
+        Larger sums are limited to this magnitude.
     """
 
     block = _TABLE_OFFSETS
@@ -91,8 +92,8 @@ class SegmentEngine:
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the Doppler bins, for every code, grid and code offset.
 
-        The chips must be within ±127. The screen adds the chips of two grids half a chip apart. The power is zero at
-        offsets that do not pass the screen.
+        The chips must be within ±`CLIP`, so that a segment's sum fits int16. The screen adds the chips of two grids
+        half a chip apart. The power is zero at offsets that do not pass the screen.
         """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
         limit = pass_threshold(threshold)
@@ -148,7 +149,7 @@ class SegmentEngine:
 
 
 def _joined(chips: Int16[np.ndarray, "grids 2 n"]) -> Int16[np.ndarray, "2 n"]:
-    """Return the sums of the chips of two grids, scaled to the σ of a single chip.
+    """Return the sums of the chips of two grids, scaled to the σ of a single chip; a single grid is returned unchanged.
 
     Two chips half a chip apart share half of their noise. So the variance of their sum is three times the variance of a
     chip.

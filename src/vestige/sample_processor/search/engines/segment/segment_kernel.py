@@ -38,7 +38,8 @@ _STEP_BITS = 3
 def fill_sign_table(x, table):
     """Fill uint8 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4] in 32 steps of ROW_STEP around zero.
 
-    Bit j − 1 of the row number is set for +x[n+j]. A stored number r stands for r − 15½ steps. Larger sums are limited.
+    Bit j − 1 of the row number is set for +x[n+j]. A stored number r stands for r − 15½ steps. Sums outside the 32
+    steps are limited.
     """
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
@@ -76,8 +77,8 @@ def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns
     entries, bounds
         Plan of the code from `segment_engine._plan`, with 16, 32 or 64 segments.
     top, shift
-        Limit of a segment's sum, and number of bits by which the sum is shifted. No number wraps if n_segments · top ·
-        2^shift · √2 is below 2¹⁶.
+        Limit of a segment's sum in units of ROW_STEP, and number of bits by which the sum is shifted to the left. No
+        number wraps if n_segments · top · 2^shift · √2 is below 2¹⁶.
     stride, split
         Step between the bins that are used, and number that selects their range: −40 to 40 for 2, otherwise −32 to 31.
     turns

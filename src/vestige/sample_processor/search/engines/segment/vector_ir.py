@@ -209,14 +209,14 @@ def row_sum(
     out,
     out_index,
 ):
-    """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
+    """Store the sums of ± table[entry + base + i] minus `zero`, for i < SUM_WIDTH, at `out[out_index:]`.
 
-    A sum is limited to ±`top` and multiplied by 2^`shift`. The entries low … plus_end are added, and the entries
-    minus_start … high are subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more
-    entries. In this middle range, the entries before `first_minus` are added. For the other entries ROW_TOP minus the
-    row is added, which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight rows fits a byte. Then
-    all odd bytes and all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. In each group of
-    VECTOR_BYTES sums the even sums are stored first.
+    A sum is limited to ±`top` and multiplied by 2^`shift`. The entries low … plus_end − 1 are added, and the entries
+    minus_start … high − 1 are subtracted, eight rows at a time in bytes. Between these two ranges there may be eight
+    more entries. In this middle range, the entries before `first_minus` are added. For the other entries ROW_TOP minus
+    the row is added, which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight rows fits a byte.
+    Then all odd bytes and all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. In each group of
+    VECTOR_BYTES sums the sums with even i are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -289,10 +289,10 @@ def dot(typing_context, x, x_index, y, y_index, count):
 def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points, turns, turn_index, out, out_index):
     """Store the DFT over `n_points`, multiplied by phase factors; inputs after the first `n_inputs` are zero.
 
-    Input j consists of the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r] + j
-    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part of an
-    output is stored one vector after the real part. Factors are float32, or int16 in units of 2⁻¹⁶. Outputs have the
-    type of the factors.
+    Input j consists of the int16 lanes at `index + j · step`. Output r is multiplied by a factor with the real part
+    turns[turn_index + 2r] and the imaginary part turns[turn_index + 2r + 1]. The product is stored at `out[out_index +
+    r · DFT_POINTS · 2 · lanes]`. The imaginary part of an output is stored one vector after the real part. Factors are
+    float32, or int16 in units of 2⁻¹⁶. Outputs have the type of the factors.
     """
     count, points = _literal(n_inputs), _literal(n_points)
 
