@@ -249,6 +249,8 @@ def test_unlike_segments_do_not_share_a_file(change: dict[str, int]) -> None:
     third = dataclasses.replace(second, **{"transmit_time": START + 60, **change})
     with pytest.raises(ValueError, match="segments of one file"):
         recs_file.from_segments([first, second, third])
+    with pytest.raises(ValueError, match="equal intervals"):
+        recs_file.from_segments([first, first])
 
 
 def test_a_file_of_forty_gigabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:

@@ -6,7 +6,13 @@ import pytest
 from builders import received_batch, satellite
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.sample_processor.e6_acquisition import E6Acquisition, acquire_e6, cn0_on_the_peak_dbhz
+from vestige.sample_processor.e6_acquisition import (
+    OPEN_SHARE,
+    E6Acquisition,
+    acquire_e6,
+    cn0_on_the_peak_dbhz,
+    secondary_share,
+)
 from vestige.signals.definitions import E6B
 
 CN0_DBHZ = 45.0
@@ -36,3 +42,20 @@ def test_cn0_needs_a_complete_period() -> None:
     batch = received_batch(Band.E6, [satellite(11, 2.4e7, 0.0, CN0_DBHZ, CN0_DBHZ)], duration_s=0.0015)
     found = E6Acquisition(svid=11, code_start_s=8e-4, doppler_hz=0.0, statistic=50.0, threshold=40.0)
     assert np.isnan(cn0_on_the_peak_dbhz(batch, E6B, found))
+
+
+@pytest.mark.parametrize("duration_s", [0.055, 0.12])
+def test_noise_does_not_fit_the_secondary_code(duration_s: float) -> None:
+    """With 50 periods, noise is above `OPEN_SHARE` with a probability of 5e-4."""
+    batch = received_batch(Band.E6, [], duration_s=duration_s)
+    for k in range(8):
+        found = E6Acquisition(svid=11, code_start_s=k * 1e-4, doppler_hz=0.0, statistic=50.0, threshold=40.0)
+        share = secondary_share(batch, found, 0.0)
+        assert share is not None
+        assert share[0] < OPEN_SHARE
+
+
+def test_few_periods_do_not_tell_the_secondary_code() -> None:
+    batch = received_batch(Band.E6, [], duration_s=0.045)
+    found = E6Acquisition(svid=11, code_start_s=0.0, doppler_hz=0.0, statistic=50.0, threshold=40.0)
+    assert secondary_share(batch, found, 0.0) is None

@@ -227,7 +227,8 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
     epochs = [s.transmit_time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(s.transmit_time) for s in segments]
     period = epochs[1] - epochs[0] if len(epochs) > 1 else 0
     alike = {(s.svid, s.n_chips, s.key_delay, s.random_offset) for s in segments}
-    if len(alike) > 1 or epochs != [epochs[0] + i * period for i in range(len(epochs))]:
+    steady = epochs == [epochs[0] + i * period for i in range(len(epochs))]
+    if len(alike) > 1 or not steady or (len(epochs) > 1 and period <= 0):
         raise ValueError("segments of one file share satellite, length, KDI and RAND and follow at equal intervals")
     return RecsFile(
         kind=RecsFileKind.AGGREGATED if period else RecsFileKind.UNITARY,
