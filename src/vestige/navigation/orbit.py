@@ -113,7 +113,7 @@ def satellite_position(
 
 
 def _clock_s(orbit: Ephemeris, t: Float[np.ndarray, " n"], sine: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the satellite clock in s at the times `t` in s after toc. `sine` is sin E."""
+    """Return the error of the satellite clock for E1 alone, in s, at times `t` in s after toc; `sine` is sin E."""
     aging = (orbit.af1 + orbit.af2_per_s * t) * t
     return orbit.af0_s + aging + _relativity_s(orbit) * sine - orbit.bgd_e1_e5b_s
 

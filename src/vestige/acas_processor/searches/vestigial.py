@@ -154,7 +154,8 @@ def line_stretches(
     """Return the lines of candidate times of a signal on E1; () if the signal cannot be measured in its batch.
 
     The lines cover the arrivals from `first_start` to `last_start`. The signal was found in a batch whose first sample
-    is at `found_at`. `handover_line` explains the other arguments.
+    is at `found_at`. `e1` are the E1 samples, and `chips` are the chips whose arrival is sought. `handover_line`
+    explains `delay_m` and `secondary`.
     """
     first = _measured(e1, found, found_at)
     if first is None:

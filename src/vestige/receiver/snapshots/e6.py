@@ -229,8 +229,9 @@ class SimulatedE6Samples:
         The errors of an epoch are the errors at the reception of the epoch's RECS. The RECS and the E1 signal arrive
         together and were sent together at the epoch, so both have the attacker's delay at the epoch. A hand-over
         extrapolates the observation over the travel time and thereby adds the growth of the attacker's delay, which is
-        0.7 m at 9 m/s. In an observation of a real receiver the attacker's delay is smaller by this growth. A hand-over
-        of `_without_delay` has no growth.
+        0.7 m at 9 m/s. In an observation of a real receiver the attacker's delay is smaller by this growth. If
+        `_without_delay` has removed a delay from a hand-over, the growth is removed, too, and the hand-over is returned
+        unchanged.
         """
         truth, start = self.of.truth[column], self.of.simulations[column].start
         growth_mps = float(truth.e1.rate_error_mps[epoch])
