@@ -148,7 +148,7 @@ def known_positions(
     fixed_m
         Fix of each epoch that satisfies the conditions of `FixMemory`; NaN at other epochs.
     before
-        Last fix before the block that satisfies the conditions; None without such a fix.
+        Last fix before the first epoch that satisfies the conditions of `FixMemory`; None without such a fix.
     stated
         Approximate position from the settings; None if the settings have no position.
     """

@@ -31,11 +31,11 @@ class Axis:
 
 
 def parse_axis(text: str) -> Axis:
-    """Return the axis that `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) describes.
+    """Return the axis that `key=start:stop:step` or `key=a,b,c` (TOML values) describes.
 
-    A range contains `stop` only if a step reaches `stop`. The function raises `VestigeError` if the text has another
-    form, contains a value twice, or describes a range that never reaches `stop` or has more than `MAX_CAMPAIGNS`
-    values.
+    A range contains `start`, and also contains `stop` if a step reaches `stop`. The function raises `VestigeError` if
+    the text has another form or contains a value twice. The function also raises `VestigeError` if the step of a range
+    is 0 or leads away from `stop`, or if the range has more than `MAX_CAMPAIGNS` values.
     """
     key, equals, listed = (part.strip() for part in text.partition("="))
     if not key or not equals:

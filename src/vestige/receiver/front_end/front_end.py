@@ -9,8 +9,8 @@ rate at the filter, and a component has the amplitude √(C/N0 / f).
 delay is a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a
 narrower band. The amplitude of a signal in the pass band grows by about √(f/B). The C/N0 does not change. Sampling
 folds sidelobes into the band, and a filter *behind* the sampler cannot undo the folding. So the samples can be made and
-filtered at a multiple of the front end's rate, and are then decimated. The steps of the correlation function remain
-(`staircase.py`).
+filtered at a multiple of the front end's rate, and are then decimated. Neither the higher rate nor the filter
+removes the steps that sampling causes in the correlation function (`receiver/samples/staircase.py`).
 
 **Gain and quantiser.** The gain control sets the rms over the processed samples, a snapshot or a stretch of a
 recording, to the level with the smallest loss of the quantiser (`quantiser.py`). Without gain control the gain is right

@@ -7,7 +7,7 @@ Hermite polynomials. A quantiser that jumps by Δ_j at the input t_j has
 
     c_k = Σ_j Δ_j φ(t_j) he_{k−1}(t_j) / √k,     E q² = Σ_k c_k²
 
-The amplitude of a signal that is weak against the noise grows by the factor c_1. Noise of correlation coefficient ρ has
+The amplitude of a signal that is weak against the noise is multiplied by c_1. Noise of correlation coefficient ρ has
 the output correlation
 
     E q q' = Σ_k c_k² ρ^k                        [PRICE58]

@@ -52,7 +52,7 @@ class StaticTrajectory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularTrajectory:
-    """A receiver that moves on a circle in the horizontal plane of the circle's centre, from east to north.
+    """Trajectory of a receiver on a circle in the horizontal plane of the circle's centre, from east to north.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class CircularTrajectory:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WaypointTrajectory:
-    """A receiver that passes through waypoints on a natural cubic spline.
+    """Trajectory of a receiver on a natural cubic spline through waypoints.
 
     Attributes
     ----------
