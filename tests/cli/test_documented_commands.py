@@ -40,7 +40,7 @@ NOT_RUN = {
     r"plot (detection|miss|false-alarm)-curve .*": "it needs a sweep; tests/cli/test_plot.py runs it",
     r"plot threats .*": "it needs the whole threat table; tests/cli/test_plot.py runs it",
     r"process attacked .*": "test_the_attack_from_end_to_end_prints_what_the_page_shows runs it",
-    r"process night --calibrate --taps 63 --hardware-bias-m 1000": "a guess for a front end that is 1 km late",
+    r"process night --calibrate --taps 63 --hardware-bias-m 900": "a guess for a front end that is 900 m late",
     r"process night/? --track": "it takes 10 s; tests/cli/test_tracked_sky.py runs it",
     r"process night/? --assistance night/assistance --merkle-tree \S+": "tests/cli/test_samples_alone.py",
     r"process (revoked|demo)": "it needs the recording of `simulate`, as below",
