@@ -8,8 +8,9 @@ different length separate the cost of an epoch from the cost of the start.
 
 The limits for 100,000 epochs are 100 s of CPU time at `samples` and 5 s at `correlators`, on a core with AVX-512. In
 the same run, `benchmarks/epoch.py` measures an epoch of the straightforward numpy version. An epoch at `samples` must
-be at least 40 times as fast. This ratio does not depend on the speed of the machine, because 100 s and 40 times are the
-same limit where the numpy epoch takes 40 ms. Memory may reach 400 MB, workers included. Memory is read from /proc, so
+be at least 40 times as fast. The limits of 100 s and 40 times are the same where the numpy epoch takes 40 ms. The ratio
+depends less on the speed of the machine than the time does, but load that comes and goes still changes the ratio (41 to
+62 in six runs). Memory may reach 400 MB, workers included. Memory is read from /proc, so
 the script needs Linux. The exit status is 1 if a limit is exceeded.
 """
 
